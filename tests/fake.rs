@@ -33,7 +33,7 @@ pub enum Fault {
     Healthy,
     /// From step 3 on it sends another velocity or signal strength than the one it has hashed.
     OtherNumber,
-    /// From step 3 on it delivers payloads that nobody sent.
+    /// From step 3 on it delivers payloads that nobody sent, or robot 0 says 100 bytes more.
     OtherPayload,
     /// Its digests are of positions and deliveries alone.
     LesserDigest,
@@ -343,7 +343,11 @@ faulty!(
     nan: |reply| reply.states.as_mut().expect("states").y_m[0] = f64::NAN,
     number: |reply| reply.states.as_mut().expect("states").vx_mps[0] += 1.0,
     // Whatever robots say is theirs.
-    payload: |_reply| {},
+    payload: |reply| {
+        let payloads = reply.payloads.as_mut().expect("payloads");
+        payloads.length_bytes[0] += 100;
+        payloads.data = [&[7; 100], &payloads.data[..]].concat().into();
+    },
     hold: |reply| reply.hold = false,
     restless: |reply| reply.states.as_mut().expect("states").x_m[0] += 1.0,
     asked: |request| request.hold,

@@ -210,6 +210,7 @@ impl NetSimulator for Forming {
             motes: self.motes(start.motes, 0),
             warnings: Vec::new(),
             statistics: kept(NetRecord::Statistics).then(|| self.statistics(0)),
+            max_payload_bytes: None,
             capture_header,
             formation: Some(self.formation(0)),
             records: self.records.clone(),

@@ -216,6 +216,12 @@ impl Second {
         }
     }
 
+    /// Whether the main network carries no payloads.
+    #[must_use]
+    pub fn carries_all(&self) -> bool {
+        self.route == Route::Second
+    }
+
     /// Draws by another seed from here on.
     pub fn reseed(&mut self, seed: u64) {
         self.seed = seed;

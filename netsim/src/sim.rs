@@ -188,6 +188,7 @@ impl Mode {
 impl Running {
     fn start(&mut self, effective: toml::Table, warnings: Vec<String>) -> NetStart {
         let start = NetStart { effective, motes: self.motes(), warnings, ..NetStart::default() };
+        let is_asked = self.second.as_ref().is_none_or(|second| !second.carries_all());
         match &mut self.mode {
             Mode::PropagationOnly(_) => start,
             Mode::Mesh(mesh) => {
@@ -195,6 +196,7 @@ impl Running {
                 let has = |record| records.contains(&record);
                 NetStart {
                     formation: Some(mesh.formation()),
+                    max_payload_bytes: mesh.max_payload_bytes().filter(|_| is_asked),
                     statistics: has(NetRecord::Statistics).then(|| mesh.statistics(SimTime::START)),
                     capture_header: if has(NetRecord::Capture) {
                         Bytes::copy_from_slice(&tap::file_header())

@@ -119,6 +119,17 @@ fn a_side_that_runs_elsewhere_and_dies_is_named() {
     );
 }
 
+#[test]
+fn robots_that_say_more_than_a_frame_carries_are_named() {
+    let folder = tests::folder();
+    let url = &Faulty::robots(Fault::OtherPayload).url;
+    let args = ["--robotsim", url, "--set", "netsim.mode=6tisch"];
+    let ended = end_of(start(folder.path(), &args));
+    let message = "robotsim: malformed reply to step 3: payloads: robot 0 broadcasts 148 bytes, and the network carries at most 103 \
+                   bytes in a broadcast";
+    assert_kept(folder.path(), &ended, &[message]);
+}
+
 /// Runs against a side that breaks the contract in step 3.
 fn lying(side: &str, url: &str, message: &[&str]) {
     let folder = tests::folder();

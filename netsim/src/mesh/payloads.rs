@@ -10,7 +10,23 @@ use proto::side::NetInput;
 use proto::time::SimDuration;
 use proto::types::PacketPurpose;
 
+/// Minimum MTU of IPv6 (bytes; RFC 8200, section 5), less the headers of IPv6 and UDP. 6LoWPAN cuts datagrams up to it into fragments.
+const MOST_UNICAST_BYTES: u32 = 1280 - 40 - 8;
+
 impl Mesh {
+    /// The longest payload of a robot (bytes); `None`: payloads are not sent. A broadcast is one frame: nobody would acknowledge its
+    /// fragments.
+    #[must_use]
+    pub fn max_payload_bytes(&self) -> Option<u32> {
+        match self.settings.transport {
+            Transport::None => None,
+            Transport::UnicastNeighbours => Some(MOST_UNICAST_BYTES),
+            Transport::OwnCell | Transport::SharedCell | Transport::BroadcastSlotframe { .. } => {
+                self.state.motes.first().map(|mote| mote.broadcast_room(&self.settings) as u32)
+            }
+        }
+    }
+
     /// At the beginning of a control period every mote that is ready takes over what its robot says. Later within a
     /// period, where steps are shorter, only what is still waiting is replaced.
     pub(super) fn hand_over_payloads(&mut self, input: &NetInput<'_>, asn: Asn) {

@@ -5,13 +5,15 @@ use crate::app;
 use crate::app::ports::{APPLICATION_PORT, SWARM_PORT};
 use crate::lowpan::DropReason;
 use crate::mac::queue::{Priority, Queued, SWARM_HANDLE};
-use crate::mote::settings::{Settings, Transport};
+use crate::mote::settings::{PEER_FRAME_BYTES, Settings, Transport};
 use crate::rpl::Route;
 use crate::sf::Traffic;
 use crate::wire::Eui64;
+use crate::wire::address::ALL_NODES;
 use crate::wire::datagram::{Datagram, UdpRepr, Upper};
 use crate::wire::fragment::LowpanRepr;
-use crate::wire::frame::{Content, FrameRepr};
+use crate::wire::frame::{Content, FrameRepr, payload_room};
+use crate::wire::security::FrameSecurity;
 use bytes::Bytes;
 use proto::time::SimDuration;
 use proto::types::PacketPurpose;
@@ -232,16 +234,7 @@ impl Mote {
         if !destination.is_multicast() {
             return self.originate(world, destination, upper, packet);
         }
-        let datagram = Datagram {
-            packet,
-            source: self.address.link_local(),
-            destination,
-            dscp: 0,
-            hop_limit: HOP_LIMIT,
-            rpi: None,
-            route: None,
-            upper,
-        };
+        let datagram = self.on_link(destination, upper, packet);
         let slotframe = match world.settings.transport {
             Transport::BroadcastSlotframe { .. } => Some(SWARM_HANDLE),
             Transport::None
@@ -252,6 +245,35 @@ impl Mote {
         let content = Content::Lowpan(LowpanRepr::Whole(Arc::new(datagram)));
         let wanted = Wanted { slotframe, is_latest_only: true, ..Wanted::new(None, content) };
         self.enqueue(world, wanted);
+    }
+
+    /// A datagram to all neighbours.
+    fn on_link(&self, destination: Ipv6Addr, upper: Upper, packet: u64) -> Datagram {
+        Datagram {
+            packet,
+            source: self.address.link_local(),
+            destination,
+            dscp: 0,
+            hop_limit: HOP_LIMIT,
+            rpi: None,
+            route: None,
+            upper,
+        }
+    }
+
+    /// The longest payload (bytes) that one frame to all neighbours has room for.
+    #[must_use]
+    pub(crate) fn broadcast_room(&self, settings: &Settings) -> usize {
+        if settings.compat.no_frame_overhead {
+            return PEER_FRAME_BYTES;
+        }
+        let (source_port, destination_port) = (SWARM_PORT, SWARM_PORT);
+        let upper = Upper::Udp(UdpRepr { source_port, destination_port, payload: Bytes::new() });
+        let datagram = self.on_link(ALL_NODES, upper, 0);
+        let security =
+            if settings.is_secured() { FrameSecurity::K2 } else { FrameSecurity::Unsecured };
+        let headers = datagram.compressed_len(self.address, None);
+        payload_room(None, security).saturating_sub(headers)
     }
 
     /// Puts a frame into the queue. A control message that waits there is not queued again: routing and pledges repeat

@@ -90,7 +90,7 @@ pub enum Transport {
 }
 
 /// Bytes that a frame of the 6TiSCH simulator holds, which has no headers.
-const PEER_FRAME_BYTES: usize = 90;
+pub(super) const PEER_FRAME_BYTES: usize = 90;
 /// Least length of a frame (bytes): that of an empty one.
 const LEAST_PSDU: usize = 23;
 

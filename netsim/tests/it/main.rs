@@ -19,6 +19,7 @@ mod invariants;
 mod mesh_snapshot;
 mod model;
 mod oracle;
+mod payloads;
 mod pinned;
 mod pinned_mesh;
 mod refusals;

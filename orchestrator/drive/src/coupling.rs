@@ -45,6 +45,8 @@ pub struct Coupled<R, N> {
     sends_messages: bool,
     /// Formation before the first step; `None`: there is nothing to form.
     formation_at_start: Option<Formation>,
+    /// The longest payload that the network broadcasts (bytes); `None`: any length.
+    max_payload_bytes: Option<u32>,
 }
 
 /// Where two sides stand after a step, as it was recorded.
@@ -142,6 +144,7 @@ impl<R: Peer<RobotSide>, N: Peer<NetworkSide>> Coupled<R, N> {
             messages: Vec::new(),
             sends_messages: start.messages,
             formation_at_start: network_start.formation.clone(),
+            max_payload_bytes: network_start.max_payload_bytes,
         }
     }
 
@@ -216,6 +219,9 @@ impl<R: Peer<RobotSide>, N: Peer<NetworkSide>> Coupled<R, N> {
             hold,
         };
         let ordered = plan.commands.clone();
+        if step == 1 {
+            self.check_payloads(0, &before)?;
+        }
         let n = self.experiment.agent_count;
         // Of what was replied before: it is given now.
         let robots_before = Self::COMPARES
@@ -419,10 +425,17 @@ impl<R: Peer<RobotSide>, N: Peer<NetworkSide>> Coupled<R, N> {
                     .to_owned(),
             );
         }
+        self.check_payloads(step, &reply)?;
         self.commands.extend_from_slice(&reply.commands);
         self.messages = messages_of(&reply);
         self.moved = Arc::new(reply);
         Ok(Arc::clone(&self.moved))
+    }
+
+    /// No robot says more than the network can broadcast. In step 0: what they say where they begin.
+    fn check_payloads(&self, step: u64, robots: &RobotsStep) -> Result<(), SideError> {
+        let checked = robots.payloads.check_lengths(self.max_payload_bytes);
+        checked.map_err(|reason| garbage(RobotSide::SIDE, step, reason))
     }
 
     fn take_network_reply(

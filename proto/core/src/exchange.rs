@@ -113,6 +113,8 @@ pub struct NetworkStart {
     pub statistics: Option<MoteStatistics>,
     /// What a capture file begins with, if the radio's traffic will be kept.
     pub capture_header: Bytes,
+    /// The longest payload that an agent may broadcast (bytes); `None`: any length.
+    pub max_payload_bytes: Option<u32>,
 }
 
 impl From<NetStart> for NetworkStart {
@@ -125,6 +127,7 @@ impl From<NetStart> for NetworkStart {
             records: start.records,
             statistics: start.statistics,
             capture_header: start.capture_header,
+            max_payload_bytes: start.max_payload_bytes,
         }
     }
 }

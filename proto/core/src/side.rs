@@ -151,6 +151,8 @@ pub struct NetStart {
     pub statistics: Option<MoteStatistics>,
     /// What a capture file begins with, if the radio's traffic will be kept.
     pub capture_header: Bytes,
+    /// The longest payload that an agent may broadcast (bytes); `None`: any length.
+    pub max_payload_bytes: Option<u32>,
 }
 
 /// What the network is given for a step.

@@ -249,6 +249,22 @@ impl Payloads {
         &self.data
     }
 
+    /// What is wrong if a payload is longer than a network can broadcast (bytes): the first such agent.
+    ///
+    /// # Errors
+    ///
+    /// In words, beginning with the field.
+    pub fn check_lengths(&self, most: Option<u32>) -> Result<(), String> {
+        let Some(most) = most else { return Ok(()) };
+        match self.length_bytes.iter().position(|&length| most < length) {
+            None => Ok(()),
+            Some(agent) => Err(format!(
+                "payloads: robot {agent} broadcasts {} bytes, and the network carries at most {most} bytes in a broadcast",
+                self.length_bytes[agent]
+            )),
+        }
+    }
+
     /// Each payload in turn.
     pub fn iter(&self) -> impl Iterator<Item = &[u8]> + '_ {
         let mut rest = &self.data[..];

@@ -60,6 +60,7 @@ pub struct Active {
     delivered: Option<Deliveries>,
     /// What is kept for the record.
     records: Vec<NetRecord>,
+    max_payload_bytes: Option<u32>,
     #[serde(with = "lifecycle::encoded")]
     last: net_sim::StepResponse,
 }
@@ -94,6 +95,7 @@ impl<S: NetSimulator> Lifecycle<S> {
             pending: Vec::new(),
             delivered: None,
             records: start.records.clone(),
+            max_payload_bytes: start.max_payload_bytes,
             last: net_sim::StepResponse::default(),
         });
         Ok((&start).into())
@@ -106,6 +108,7 @@ impl<S: NetSimulator> Lifecycle<S> {
         let n = ledger.agent_count();
         let states = convert::states(request.states, n).map_err(malformed)?;
         let payloads = convert::payloads(request.payloads, n).map_err(malformed)?;
+        payloads.check_lengths(active.max_payload_bytes).map_err(Status::invalid_argument)?;
         let moved_obstacles =
             convert::moved_obstacles(request.moved_obstacles).map_err(malformed)?;
         let asked = obeyed(&self.simulator, request.commands, n)?;

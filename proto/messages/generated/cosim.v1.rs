@@ -1151,6 +1151,9 @@ pub struct NetSimServiceConfigureResponse {
     /// What a capture file begins with, before the records of the first step, if they will be kept.
     #[prost(bytes = "bytes", tag = "7")]
     pub capture_header: ::prost::bytes::Bytes,
+    /// The longest payload that an agent may broadcast (bytes), for example what one frame has room for. 0: any length.
+    #[prost(uint32, tag = "8")]
+    pub max_payload_bytes: u32,
 }
 /// One step.
 #[derive(Clone, PartialEq, ::prost::Message)]

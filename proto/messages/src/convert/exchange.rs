@@ -90,6 +90,7 @@ pub fn network_start(
         records: records(&message.records)?,
         statistics: statistics(message.statistics, n_agents)?,
         capture_header: message.capture_header,
+        max_payload_bytes: (message.max_payload_bytes != 0).then_some(message.max_payload_bytes),
     })
 }
 
@@ -223,6 +224,7 @@ impl From<&NetworkStart> for v1::NetSimServiceConfigureResponse {
             records: numbers(&start.records),
             statistics: start.statistics.clone().map(Into::into),
             capture_header: start.capture_header.clone(),
+            max_payload_bytes: start.max_payload_bytes.unwrap_or(0),
         }
     }
 }
