@@ -211,6 +211,30 @@ fn a_sweep_starts_a_command_for_each_job_and_gives_the_table_of_the_built_in_sim
     }
 }
 
+#[test]
+fn trials_of_a_script_that_was_edited_run_again() {
+    let folder = tests::folder();
+    let keys = "[robotsim]\ncommand = [\"sh\", \"start.sh\"]\n[robotsim.scenario]";
+    let config = EXPERIMENT.replace("[robotsim.scenario]", keys);
+    std::fs::write(folder.path().join("c.toml"), config + SWEEP).unwrap();
+    let write = |comment: &str| {
+        let script = format!("# {comment}\nexec {}\n", serve("robotsim"));
+        std::fs::write(folder.path().join("start.sh"), script).unwrap();
+    };
+    let swept = || {
+        let output = asked(folder.path(), &["sweep", "c.toml", "--allow-command"], &[]);
+        assert!(output.status.success(), "{}", tests::said(&output));
+        tests::said(&output)
+    };
+    write("first");
+    assert!(!swept().contains("finished earlier"));
+    assert!(swept().contains("finished earlier"));
+    write("second");
+    assert!(!swept().contains("finished earlier"));
+    write("first");
+    assert!(swept().contains("finished earlier"));
+}
+
 /// A script whose simulator runs beside another process, which nobody ends but the orchestrator.
 fn with_a_companion() -> String {
     format!("sleep 1000 & echo $! >> pids; echo $$ >> pids; exec {}", serve("robotsim"))

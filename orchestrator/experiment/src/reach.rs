@@ -27,6 +27,14 @@ pub struct SideCommand {
 }
 
 impl SideCommand {
+    /// The files in the folder, or below it, that its words name: the program itself or a script.
+    #[must_use]
+    pub fn files(&self) -> Vec<PathBuf> {
+        let Ok(folder) = self.folder.canonicalize() else { return Vec::new() };
+        let files = self.words.iter().filter_map(|word| folder.join(word).canonicalize().ok());
+        files.filter(|file| file.is_file() && file.starts_with(&folder)).collect()
+    }
+
     /// As one would type it.
     #[must_use]
     pub fn shown(&self) -> String {

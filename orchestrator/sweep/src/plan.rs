@@ -11,9 +11,12 @@ use proto::config::Refusal;
 use proto::config::{IdleKey, Node, Problem, Value};
 use proto::digest::hex;
 use rayon::prelude::*;
+use record::fingerprint;
 use run::{self, FormedFiles};
 use sha2::{Digest as _, Sha256};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
 
 /// A valid sweep.
 #[derive(Clone, Debug)]
@@ -117,13 +120,14 @@ pub(crate) fn load(
     };
     let settings = design::settings(&sweep, seed);
     let formed = FormedFiles::default();
+    let programs = Programs::default();
     let checked: Vec<Result<CheckedSetting, Refusal>> = settings
         .par_iter()
         .map(|setting| {
             let mut plan = plan_of(path, &text, &base, overrides, setting)?;
             formed.open(&mut plan)?;
             Ok(CheckedSetting {
-                identity: identity(&plan),
+                identity: identity(&plan, &programs),
                 effort: effort(&plan),
                 has_protocols: has_protocols(&plan),
                 name: plan.name,
@@ -269,8 +273,23 @@ fn plan_of(
     experiment::of_tree(path, text, &tree, overrides, problems)
 }
 
+/// What is in the programs and scripts that settings start, each read once.
+#[derive(Default)]
+struct Programs(Mutex<BTreeMap<PathBuf, String>>);
+
+impl Programs {
+    /// The SHA-256 of a file; empty if it cannot be read. Starting it then says what is wrong with it.
+    fn content_of(&self, file: PathBuf) -> String {
+        let mut known = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let content = known.entry(file).or_insert_with_key(|file| {
+            fingerprint(file).map_or_else(|_| String::new(), |found| found.sha256)
+        });
+        content.clone()
+    }
+}
+
 /// The digest of all that a trial depends on, but for its seed.
-fn identity(plan: &Plan) -> String {
+fn identity(plan: &Plan, programs: &Programs) -> String {
     let mut experiment = plan.effective.clone();
     experiment.remove("output");
     if let Some(table) = experiment.get_mut("experiment").and_then(toml::Value::as_table_mut) {
@@ -288,9 +307,14 @@ fn identity(plan: &Plan) -> String {
         hash.update(b"\0side\0");
         hash.update(side.effective_toml.as_ref().unwrap_or(&side.toml));
         hash.update(side.url.as_deref().unwrap_or_default());
-        for word in side.command.iter().flat_map(|command| &command.words) {
-            hash.update(b"\0word\0");
-            hash.update(word);
+        if let Some(command) = &side.command {
+            for word in &command.words {
+                hash.update(b"\0word\0");
+                hash.update(word);
+            }
+            for file in command.files() {
+                hash.update(programs.content_of(file));
+            }
         }
         for (path, content) in &side.files {
             hash.update(path);
