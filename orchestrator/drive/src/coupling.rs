@@ -4,15 +4,17 @@
 //! and barriers, whether the simulators are other processes or objects of this one. Every reply is checked before it is passed
 //! on, so that a side that answers nonsense is named and the other never sees it.
 
+mod call;
 mod payloads;
 
 use crate::peer::{NetworkSide, Peer, RobotSide, Side as _, SideError, Standing};
 use bytes::Bytes;
+use call::NetworkCall;
 use payloads::SentPayloads;
-use proto::digest::full::{self, NetworkGiven, NetworkReply, RobotsGiven, RobotsReply};
+use proto::digest::full::{self, NetworkReply, RobotsGiven, RobotsReply};
 use proto::digest::{self, Digest};
 use proto::exchange::{NetworkStart, NetworkStep, RobotsStart, RobotsStep};
-use proto::side::{NetInput, RobotInput};
+use proto::side::RobotInput;
 use proto::types::{
     AgentCommand, AgentMessage, AgentStates, Coupling, Deliveries, Experiment, Formation,
     MoteCommand, MoteOrder, NetRecord, Payloads,
@@ -459,61 +461,6 @@ impl<R: Peer<RobotSide>, N: Peer<NetworkSide>> Coupled<R, N> {
         let reply = Arc::new(reply);
         self.carried = Some(Arc::clone(&reply));
         Ok(reply)
-    }
-}
-
-/// What the network is given for a step, where it is not shared with anybody.
-struct NetworkCall<'a> {
-    step: u64,
-    from_ns: u64,
-    on_air: &'a RobotsStep,
-    /// In place of what robots say that stand still: a network that forms has nothing of theirs to carry.
-    silence: Option<Payloads>,
-    commands: Vec<MoteCommand>,
-    plan: StepPlan,
-    stop_at_first_delivery: bool,
-}
-
-impl<'a> NetworkCall<'a> {
-    /// Takes the messages that wait.
-    fn new<R, N>(
-        coupled: &mut Coupled<R, N>,
-        on_air: &'a RobotsStep,
-        mut plan: StepPlan,
-        stop_at_first_delivery: bool,
-    ) -> Self {
-        // Sorted by source, as all orders.
-        let mut commands = std::mem::take(&mut plan.commands);
-        commands.append(&mut coupled.messages);
-        commands.sort_by(|a, b| a.source.cmp(&b.source));
-        Self {
-            step: coupled.step + 1,
-            from_ns: coupled.time_ns,
-            on_air,
-            silence: plan.hold.then(|| Payloads::silence(coupled.experiment.agent_count)),
-            commands,
-            plan,
-            stop_at_first_delivery,
-        }
-    }
-
-    /// What the network is given with it, beside the robots' reply of that digest.
-    fn given(&self, robots: &RobotsReply) -> NetworkGiven {
-        NetworkGiven::of_reply(robots, &self.input(), self.silence.is_some())
-    }
-
-    fn input(&self) -> NetInput<'_> {
-        NetInput {
-            step: self.step,
-            from_ns: self.from_ns,
-            until_ns: self.plan.until_ns,
-            states: &self.on_air.states,
-            payloads: self.silence.as_ref().unwrap_or(&self.on_air.payloads),
-            moved_obstacles: &self.on_air.moved_obstacles,
-            commands: &self.commands,
-            stop_at_first_delivery: self.stop_at_first_delivery,
-            records: &self.plan.records,
-        }
     }
 }
 
