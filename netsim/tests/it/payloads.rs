@@ -11,9 +11,9 @@ fn lengths_of_frames(config: &str, payload_bytes: u32) -> Vec<u32> {
     let mut setup = setup(2, config);
     setup.records = vec![NetRecord::Frames];
     let mut network = Network::default();
-    network.configure(&setup).unwrap();
+    network.configure(&setup).expect("a valid configuration");
     let data = vec![5; 2 * payload_bytes as usize];
-    let payloads = Payloads::new(vec![payload_bytes; 2], data.into()).unwrap();
+    let payloads = Payloads::new(vec![payload_bytes; 2], data.into()).expect("two payloads");
     let states = standing_at(&[(0.0, 0.0), (1.0, 0.0)]);
     let mut lengths = Vec::new();
     for step in 1..=300 {
@@ -28,7 +28,7 @@ fn lengths_of_frames(config: &str, payload_bytes: u32) -> Vec<u32> {
             stop_at_first_delivery: false,
             records: &[],
         });
-        let frames = output.frames.unwrap();
+        let frames = output.frames.expect("they are recorded");
         for (&kind, &length) in frames.kind.iter().zip(&frames.length_bytes) {
             if frames.kinds[kind as usize] == "swarm" {
                 lengths.push(length);
