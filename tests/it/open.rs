@@ -216,7 +216,7 @@ fn results_of_every_kind_are_listed_with_what_they_came_to() {
     assert_eq!(sweep["words"], "4 trials of 2 settings over netsim.phy.radius_m");
     assert_eq!(sweep["varied"], json!({ "netsim.phy.radius_m": [3.0, 12.0] }));
     let of_setting = |number: usize| medians[number].as_f64().unwrap();
-    let best = if of_setting(0) < of_setting(1) { "12.0" } else { "3.0" };
+    let best = if of_setting(0) < of_setting(1) { "12" } else { "3" };
     let words = sweep["first"]["words"].as_str().unwrap();
     assert!(words.ends_with(&format!(", best: radius_m {best}")), "{words}");
 

@@ -295,14 +295,18 @@ fn of_sweep(row: &mut Row, summary: &SweepSummary) {
     row.spark_words = Some(format!("median of {label}, setting by setting"));
 }
 
-/// The case and the values of a setting, keys by the last parts of their paths.
+/// The case and the values of a setting, each key by the last part of its path.
 fn words_of_setting<'a>(
     case: Option<&str>,
     values: impl IntoIterator<Item = (&'a String, &'a toml::Value)>,
 ) -> String {
     let values = values.into_iter().map(|(key, value)| {
         let text = value.as_str().map_or_else(|| value.to_string(), str::to_owned);
-        format!("{} {text}", key.rsplit('.').next().unwrap_or(key))
+        let (above, last) = key.rsplit_once('.').unwrap_or(("", key));
+        // Many sections have a kind.
+        let above = above.rsplit('.').next().filter(|_| last == "kind").unwrap_or_default();
+        let dot = if above.is_empty() { "" } else { "." };
+        format!("{above}{dot}{last} {}", text.strip_suffix(".0").unwrap_or(&text))
     });
     case.map(str::to_owned).into_iter().chain(values).collect::<Vec<String>>().join(", ")
 }

@@ -140,7 +140,7 @@ export function columnsOf(about: About, rows: Row[]): { all: Column[]; optional:
     fixed("when", "when", "when", 104, "descending", (row) => (row.when_unix_s === null ? null : row.when_unix_s + (row.status === "running" ? RUNNING_S : 0))),
     fixed("first", "first figure", "first", 190, "descending", (row) => row.first?.value ?? null, (row) => firstText(row.first)),
     ...keys.map((key) => settingColumn(key, keys, rows)),
-    { ...fixed("series", "series", "series", 196, "descending", () => null), title: "A series over simulated time" },
+    { ...fixed("series", "series", "series", 240, "descending", () => null), title: "A series over simulated time" },
     { ...fixed("links", "pages", "links", 112, "ascending", () => null), title: "Pages of the result" },
     ...ofFigures.map(figureColumn),
     ...ofFirst,
