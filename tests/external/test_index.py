@@ -259,7 +259,7 @@ def test_the_chart_has_the_series_of_the_tables(browser, served, folder):
         after = float(results.page.inner_text(".overlay .at").split()[1])
         assert start < after < before - 1
         results.page.mouse.dblclick(box["x"] + box["width"] / 2, box["y"] + 20)
-        results.page.get_by_label("Series").select_option("neighbours")
+        results.page.locator(".overlay-head > .field select").select_option("neighbours")
         with open(results.download("CSV"), newline="") as file:
             assert next(csv.reader(file)) == ["time_s", "widest neighbours heard, mean"]
 
