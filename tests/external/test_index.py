@@ -128,6 +128,48 @@ def test_every_result_has_a_row_and_columns_are_what_differs(browser, served):
         assert settings == ["netsim.phy.radius_m"]
         row = results.page.get_by_role("row").filter(has_text="lab.json")
         assert "3.25 dB" in row.inner_text() and "The model lacks wall-attenuation." in row.inner_text()
+        # What differs stands right after the first figure, and the example of a filter is of columns that are there.
+        assert state["columns"][3:5] == ["first", "netsim.phy.radius_m"]
+        assert "radius_m=" in results.page.get_by_role("searchbox", name="Filter").get_attribute("placeholder")
+        # An answer has no page: its name opens all that is known of it.
+        row.get_by_role("button", name="lab.json", exact=True).click()
+        dialog = results.page.get_by_role("dialog")
+        assert "with wall-attenuation" in dialog.inner_text() and "3.25 dB" in dialog.inner_text()
+        dialog.get_by_role("button", name="Close").click()
+        # The best setting of a sweep is named.
+        swept = results.page.get_by_role("row").filter(has_text="swept")
+        assert "best: radius_m" in swept.inner_text() and "3 settings, medians" in swept.inner_text()
+
+
+def test_a_column_is_found_by_its_name(browser, served):
+    with Results(browser, served) as results:
+        results.page.get_by_text("Columns", exact=True).click()
+        results.page.get_by_role("searchbox", name="Find a column").fill("duty")
+        boxes = results.page.locator(".menu-body label:visible")
+        assert boxes.count() < results.page.locator(".menu-body label").count()
+        results.page.get_by_role("searchbox", name="Find a column").fill("flock_speed")
+        results.page.get_by_role("checkbox", name="flock_speed").check()
+        assert "flock_speed" in results.state()["columns"]
+
+
+def test_a_ninth_run_is_refused_and_its_box_stays_empty(browser, served, folder):
+    names = [f"more-{number}" for number in range(4)]
+    for number, name in enumerate(names):
+        changes = [f"experiment.name={name}", f"experiment.seed={number + 7}", "experiment.duration_s=2.0"]
+        succeed([program("murmuration"), "run", "walk.toml", *(word for change in changes for word in ("--set", change))], cwd=folder)
+    with Results(browser, served) as results:
+        results.select(*[*RADII, *names][:8])
+        top = results.page.get_by_role("row").filter(has_text="widest").bounding_box()["y"]
+        ninth = results.page.get_by_role("checkbox", name=f"Select {names[3]} for the chart")
+        ninth.click()
+        assert "at most 8 runs" in results.page.get_by_role("alert").inner_text()
+        assert not ninth.is_checked() and len(results.state()["selected"]) == 8
+        assert results.page.get_by_role("row").filter(has_text="widest").bounding_box()["y"] == top
+        results.page.get_by_role("button", name="Clear", exact=True).click()
+        assert results.page.locator("tbody input:checked").count() == 0
+        ninth.click()
+        assert ninth.is_checked() and results.state()["selected"] == [names[3]]
+    subprocess.run(["rm", "-r", *(str(folder / "runs" / name) for name in names)], check=True)
 
 
 def test_sorting_by_a_click_and_by_keys(browser, served):
@@ -152,16 +194,25 @@ def test_a_filter_has_words_and_conditions(browser, served):
     with Results(browser, served) as results:
         search = results.page.get_by_role("searchbox", name="Filter")
         for text, expected in [
-            ("radius_m<8", ["near", "middle"]),
+            ("radius_m<8", ["near", "middle", "swept"]),
+            ("radius_m<8 kind=run", ["near", "middle"]),
             ("wid radius_m>8", ["wider", "widest"]),
             ("kind=sweep", ["swept"]),
             ("lacks", ["lab.json"]),
+            ("netsim.phy.radius_m=3", ["swept"]),
             ("", [*RADII, "swept", "lab.json"]),
         ]:
             search.fill(text)
             assert sorted(results.state()["rows"]) == sorted(expected), text
+        for text, words in [
+            ("raduis_m=8", "There is no column raduis_m (nearest: netsim.phy.radius_m)."),
+            ("pdr<98%", "There is no column pdr (nearest: broadcast_pdr)."),
+            ("when>1", "when>1: when is compared with a date"),
+            ('name="wid', "A quotation mark is not closed."),
+        ]:
+            search.fill(text)
+            assert words in results.page.inner_text("#filter-words"), text
         search.fill("raduis_m=8")
-        assert "There is no column raduis_m (nearest: netsim.phy.radius_m)." in results.page.inner_text("#filter-words")
         assert "No result passes the filter." in results.page.inner_text(".nothing")
         results.page.get_by_role("button", name="Clear the filter").click()
         assert len(results.state()["rows"]) == 7
@@ -180,8 +231,15 @@ def test_the_chart_has_the_series_of_the_tables(browser, served, folder):
             mean = [sum(row[key] for row in robots) / len(robots) for key in ("vx_mps", "vy_mps")]
             assert float(rows[step][0]) == pytest.approx(robots[0]["time_ns"] / 1e9)
             assert float(rows[step][1]) == pytest.approx((mean[0] ** 2 + mean[1] ** 2) ** 0.5, rel=1e-4)
-        curves = ET.parse(results.download("SVG")).findall("{http://www.w3.org/2000/svg}polyline")
-        assert len(curves) == 2
+        picture = ET.parse(results.download("SVG"))
+        assert len(picture.findall("{http://www.w3.org/2000/svg}polyline")) == 2
+        words = [text.text for text in picture.findall("{http://www.w3.org/2000/svg}text")]
+        assert {"simulated time (s)", "speed of the flock (m/s)", "near: radius_m 4", "widest: radius_m 12"} <= set(words)
+        # Table and legend have the same mean, which is that of the run.
+        summary = json.loads((folder / "runs" / "near" / "summary.json").read_text())
+        mean = float(results.page.locator(".runs-legend .value").first.inner_text().removeprefix("mean ").removesuffix(" m/s"))
+        assert mean == pytest.approx(summary["task"]["flock_speed_mps"], rel=1e-3)
+        assert f"{mean:.3g} m/s" in results.page.get_by_role("row").filter(has_text="near").inner_text()
         # A curve is switched off: it is not saved either.
         results.page.get_by_title("Switch the curve of near off or on").click()
         assert [curve["on"] for curve in results.state()["curves"]] == [False, True]
@@ -191,7 +249,17 @@ def test_the_chart_has_the_series_of_the_tables(browser, served, folder):
         box = results.page.locator(".chart-box").bounding_box()
         results.page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
         assert results.page.inner_text(".overlay .at").startswith("at ")
-        results.page.locator(".overlay select").select_option("neighbours")
+        # The place of the pointer is another time once a span is enlarged.
+        results.page.mouse.move(box["x"] + 0.3 * box["width"], box["y"] + 20)
+        start = float(results.page.inner_text(".overlay .at").split()[1])
+        results.page.mouse.down()
+        results.page.mouse.move(box["x"] + 0.6 * box["width"], box["y"] + 20, steps=4)
+        before = float(results.page.inner_text(".overlay .at").split()[1])
+        results.page.mouse.up()
+        after = float(results.page.inner_text(".overlay .at").split()[1])
+        assert start < after < before - 1
+        results.page.mouse.dblclick(box["x"] + box["width"] / 2, box["y"] + 20)
+        results.page.locator(".overlay-head > .field select").select_option("neighbours")
         with open(results.download("CSV"), newline="") as file:
             assert next(csv.reader(file)) == ["time_s", "widest neighbours heard, mean"]
 

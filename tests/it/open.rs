@@ -141,8 +141,10 @@ fn results_of_every_kind_are_listed_with_what_they_came_to() {
     std::fs::write(runs.join("answers/lab.json"), answer.to_string()).unwrap();
     std::fs::write(runs.join("answers/other.json"), "{\"schema\": \"import/1\"}").unwrap();
     std::fs::write(runs.join("answers/broken.json"), "{").unwrap();
-    // A summary that was changed, and one that is none.
-    for name in ["changed", "damaged"] {
+    let scores = json!({ "schema": "compare/1", "kind": "link", "scores": { "bias_db": 1.0, "rmse_db": 2.5 }, "intervals": { "rmse_db": [2.25, 2.75] } });
+    std::fs::write(runs.join("answers/compared.json"), scores.to_string()).unwrap();
+    // A summary that was changed, one that is none, one that is gone; a table that was cut off, and a recording that is gone.
+    for name in ["changed", "damaged", "headless", "cut", "unplayable"] {
         std::fs::create_dir(runs.join(name)).unwrap();
         for file in std::fs::read_dir(runs.join("walk")).unwrap() {
             let file = file.unwrap();
@@ -154,6 +156,10 @@ fn results_of_every_kind_are_listed_with_what_they_came_to() {
     std::fs::write(&summary, text.replace("\"seed\": 3", "\"seed\": 4")).unwrap();
     std::fs::write(runs.join("damaged/summary.json"), "{").unwrap();
     std::fs::remove_file(runs.join("damaged/provenance.json")).unwrap();
+    std::fs::remove_file(runs.join("headless/summary.json")).unwrap();
+    std::fs::remove_file(runs.join("unplayable/run.mcap")).unwrap();
+    let table = std::fs::File::options().write(true).open(runs.join("cut/steps.parquet")).unwrap();
+    table.set_len(1000).unwrap();
 
     let opened = Opened::start(folder.path(), &[]);
     let rows = opened.rows();
@@ -163,12 +169,16 @@ fn results_of_every_kind_are_listed_with_what_they_came_to() {
         .collect();
     listed.sort_unstable();
     let expected = [
+        ["answers/compared.json", "compare", "complete"],
         ["answers/lab.json", "diagnose", "complete"],
         ["changed", "result", "changed"],
+        ["cut", "run", "changed"],
         ["damaged", "result", "unverified"],
+        ["headless", "run", "damaged"],
         ["lost", "run", "failed"],
         ["near", "run", "complete"],
         ["swept", "sweep", "complete"],
+        ["unplayable", "run", "changed"],
         ["walk", "run", "complete"],
     ];
     assert_eq!(listed, expected);
@@ -204,6 +214,11 @@ fn results_of_every_kind_are_listed_with_what_they_came_to() {
         .collect();
     assert_eq!(sweep["spark"], json!(medians));
     assert_eq!(sweep["words"], "4 trials of 2 settings over netsim.phy.radius_m");
+    assert_eq!(sweep["varied"], json!({ "netsim.phy.radius_m": [3.0, 12.0] }));
+    let of_setting = |number: usize| medians[number].as_f64().unwrap();
+    let best = if of_setting(0) < of_setting(1) { "12" } else { "3" };
+    let words = sweep["first"]["words"].as_str().unwrap();
+    assert!(words.ends_with(&format!(", best: radius_m {best}")), "{words}");
 
     let lost = opened.row("lost");
     assert!(lost["words"].as_str().unwrap().contains("robotsim"), "{lost}");
@@ -213,6 +228,26 @@ fn results_of_every_kind_are_listed_with_what_they_came_to() {
         (&json!("The model lacks a wall."), &json!(1))
     );
     assert_eq!(answer["spark"], json!([6.5, 3.25]));
+    let compared = opened.row("answers/compared.json");
+    assert_eq!(
+        (&compared["first"]["value"], &compared["first"]["unit"]),
+        (&json!(2.5), &json!("dB"))
+    );
+    assert_eq!(compared["details"], json!([["bias_db", "1"], ["rmse_db", "2.5 (2.25 to 2.75)"]]));
+    // What is left of a result can still be read.
+    let cut = opened.row("cut");
+    assert!(cut["words"].as_str().unwrap().starts_with("steps.parquet has 1000 bytes"), "{cut}");
+    assert_eq!((&cut["has_series"], &cut["has_recording"]), (&json!(false), &json!(true)));
+    assert_eq!(cut["first"], opened.row("walk")["first"]);
+    assert_eq!(opened.row("unplayable")["words"], "run.mcap is missing");
+    assert_eq!(opened.row("headless")["words"], "summary.json is missing");
+    // A sweep whose journal is cut off while the table is shown.
+    let journal = runs.join("swept/trials.jsonl");
+    let text = std::fs::read_to_string(&journal).unwrap();
+    std::fs::write(&journal, text.split_inclusive('\n').take(3).collect::<String>()).unwrap();
+    wait_until("the cut journal is not noticed", || opened.row("swept")["status"] == "changed");
+    let words = opened.row("swept")["words"].clone();
+    assert!(words.as_str().unwrap().contains("trials.jsonl holds 3 trials of 4"), "{words}");
     let changed = opened.row("changed");
     assert!(changed["words"].as_str().unwrap().contains("summary.json"), "{changed}");
     assert!(changed["first"].is_null(), "{changed}");
@@ -248,7 +283,13 @@ fn series_are_those_of_the_table_of_the_run() {
         let figure = figure.as_f64().unwrap();
         assert!((mean(name) - figure).abs() < 1e-3 * figure, "{name}: {} {figure}", mean(name));
     }
+    for name in ["flock_speed", "speed", "spread"] {
+        let own = series["means"][name].as_f64().unwrap();
+        assert!((own - mean(name)).abs() < 1e-4 * own, "{name}: {own} {}", mean(name));
+    }
+    assert_eq!(series["robots_started_s"], 0.0);
     let few = opened.json(&format!("/api/series?id={id}&points=5"));
+    assert_eq!(few["means"], series["means"]);
     assert_eq!(few["time_s"].as_array().unwrap().len(), 5);
     // Of a run whose table was changed there are none, and it says why.
     let table = folder.path().join("runs/near/steps.parquet");
@@ -260,6 +301,31 @@ fn series_are_those_of_the_table_of_the_run() {
     let Answer(status, _, text) = opened.get(&format!("/api/series?id={id}&points=60"));
     assert_eq!(status, 409);
     assert!(text.contains("steps.parquet"), "{text}");
+    // From then on the table shows it.
+    let near = opened.row("near");
+    assert_eq!((&near["status"], &near["has_series"]), (&json!("changed"), &json!(false)));
+}
+
+#[test]
+fn the_time_of_a_network_that_forms_is_known_and_not_averaged() {
+    let folder = tests::folder();
+    let forming = EXPERIMENT.replace("[netsim.phy]", "[netsim]\nmode = \"6tisch\"\n[netsim.phy]");
+    std::fs::write(folder.path().join("walk.toml"), forming).unwrap();
+    succeeded(&["run", "walk.toml"], folder.path());
+    let opened = Opened::start(folder.path(), &[]);
+    let id = &opened.row("walk")["id"];
+    let series = opened.json(&format!("/api/series?id={id}&points=600"));
+    let summary = std::fs::read(folder.path().join("runs/walk/summary.json")).unwrap();
+    let summary: Value = serde_json::from_slice(&summary).unwrap();
+    let started_s = summary["robots_started_s"].as_f64().unwrap();
+    assert!(1.0 < started_s, "{started_s}");
+    assert_eq!(series["robots_started_s"], started_s);
+    // All steps of the robots are there, however long the network took.
+    let times = series["time_s"].as_array().unwrap();
+    assert_eq!(times.iter().filter(|time| started_s + 1e-6 < time.as_f64().unwrap()).count(), 20);
+    let speed = summary["task"]["flock_speed_mps"].as_f64().unwrap();
+    let mean = series["means"]["flock_speed"].as_f64().unwrap();
+    assert!((mean - speed).abs() < 1e-3 * speed, "{mean} {speed}");
 }
 
 #[test]
@@ -362,6 +428,18 @@ fn a_run_that_is_being_recorded_appears_with_its_progress_and_becomes_complete()
         (&row["kind"], &row["status"], &row["seed"]),
         (&json!("run"), &json!("running"), &json!(3))
     );
+    // It has series before it ends, and keeps the time at which it began.
+    let began = row["when_unix_s"].clone();
+    let path = format!("/api/series?id={}&points=600", row["id"]);
+    wait_until("the run has no series", || opened.get(&path).0 == 200);
+    let series = opened.json(&path);
+    assert_eq!(series["time_s"].as_array().unwrap()[0], 0.1);
+    assert!(series["means"]["flock_speed"].as_f64().is_some(), "{series}");
+    wait_until("the run does not go on", || {
+        let row = opened.row("long");
+        assert_eq!(row["when_unix_s"], began);
+        10 < row["progress"]["done"].as_u64().unwrap()
+    });
     signal("-INT", run.id());
     let _ = tests::end_of(run);
     let running = row["id"].clone();
@@ -379,6 +457,12 @@ fn a_run_that_is_being_recorded_appears_with_its_progress_and_becomes_complete()
     let mut run =
         tests::spawn(command.args([&["run", "walk.toml"], &set[..]].concat()), folder.path());
     wait_until_recording(&folder.path().join("runs"));
+    wait_until("no step of the run is recorded", || {
+        let rows = opened.rows();
+        rows.iter().any(|row| {
+            row["name"] == "killed" && row["progress"]["done"] != 0 && row["has_series"] == true
+        })
+    });
     run.kill().unwrap();
     run.wait().unwrap();
     let mut row = Value::Null;
@@ -386,7 +470,19 @@ fn a_run_that_is_being_recorded_appears_with_its_progress_and_becomes_complete()
         row = opened.rows().into_iter().find(|row| row["name"] == "killed").unwrap_or_default();
         row["status"] == "stopped"
     });
-    assert!(row["words"].as_str().unwrap().contains("murmuration recover"), "{row}");
+    // The command is for the folder in which `open` was started, and what was recorded is counted.
+    let command = row["command"].as_str().unwrap();
+    let words: Vec<&str> = command.split(' ').collect();
+    assert!(words[2].starts_with("runs/.killed.partial-"), "{row}");
+    let done = row["progress"]["done"].as_u64().unwrap();
+    assert!(0 < done, "{row}");
+    succeeded(&words[1..], folder.path());
+    wait_until("what was recovered is not listed", || {
+        row = opened.rows().into_iter().find(|row| row["name"] == "killed").unwrap_or_default();
+        row["status"] == "interrupted"
+    });
+    let reason = row["words"].as_str().unwrap();
+    assert!(reason.contains(&format!("up to step {done}")), "{reason} {done}");
     // The other runs have not changed, and are not sent again.
     let last = opened.json("/api/rows?since=0")["change"].clone();
     assert_eq!(opened.json(&format!("/api/rows?since={last}"))["rows"], json!([]));

@@ -17,7 +17,7 @@ const MOST_ANSWER_BYTES: u64 = 16 << 20;
 /// What a folder or a file may be.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Kind {
-    /// A folder with a summary: of a run or of a sweep.
+    /// A folder with a summary: of a run or of a sweep. Or one with other files of a run, whose summary is gone.
     Finished,
     /// A folder that a run or a sweep fills, or has left when it was killed.
     Unfinished,
@@ -27,20 +27,25 @@ pub(crate) enum Kind {
 
 /// Whether a file is still the one that was read.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(crate) struct Stamp([Option<(SystemTime, u64)>; 3]);
+pub(crate) struct Stamp([Option<(SystemTime, u64)>; N_STAMPED]);
+
+/// Files of a result that are looked at again and again.
+const N_STAMPED: usize = 6;
 
 impl Stamp {
     /// Of some files, which may be missing.
-    pub(crate) fn of(files: [Option<&Path>; 3]) -> Self {
-        Self(files.map(|file| {
-            let metadata = fs::symlink_metadata(file?).ok()?;
-            Some((metadata.modified().ok()?, metadata.len()))
-        }))
+    pub(crate) fn of<'a>(files: impl IntoIterator<Item = &'a Path>) -> Self {
+        let mut stamp = Self::default();
+        for (own, file) in stamp.0.iter_mut().zip(files) {
+            let metadata = fs::symlink_metadata(file).ok();
+            *own = metadata.and_then(|file| Some((file.modified().ok()?, file.len())));
+        }
+        stamp
     }
 
-    /// When the first file was changed (Unix time, s).
+    /// When the first file that is there was changed (Unix time, s).
     pub(crate) fn changed_unix_s(self) -> Option<f64> {
-        let (changed, _) = self.0[0]?;
+        let (changed, _) = self.0.into_iter().flatten().next()?;
         Some(changed.duration_since(SystemTime::UNIX_EPOCH).ok()?.as_secs_f64())
     }
 }
@@ -70,7 +75,7 @@ impl Listing {
     /// Looks through a folder. Links are not followed, so nothing outside of it is found.
     pub(crate) fn of(folder: &Path) -> Self {
         let mut listing = Self::default();
-        if is_file(&folder.join("summary.json")) || is_sweep(folder) {
+        if is_file(&folder.join("summary.json")) || is_sweep(folder) || is_without_summary(folder) {
             let name = folder.file_name().map_or_else(|| ".".into(), |name| name.to_string_lossy());
             listing.folder(folder, &name, MOST_DEPTH);
         } else {
@@ -113,7 +118,7 @@ impl Listing {
     }
 
     fn folder(&mut self, path: &Path, place: &str, depth: usize) {
-        if is_file(&path.join("summary.json")) {
+        if is_file(&path.join("summary.json")) || is_without_summary(path) {
             self.add(path.to_owned(), place.to_owned(), Kind::Finished);
         } else if is_sweep(path) {
             self.add(path.to_owned(), place.to_owned(), Kind::Unfinished);
@@ -132,14 +137,16 @@ impl Listing {
             self.is_cut = true;
             return;
         }
-        let [summary, provenance, log, journal] =
-            ["summary.json", "provenance.json", "run.log", "trials.jsonl"]
-                .map(|name| path.join(name));
-        let stamp = Stamp::of(match kind {
-            Kind::Finished => [Some(&*summary), Some(&*provenance), None],
-            Kind::Unfinished => [Some(&*log), Some(&*journal), None],
-            Kind::Answer => [Some(&*path), None, None],
-        });
+        let stamped: &[&str] = match kind {
+            Kind::Finished => &FINISHED_FILES,
+            Kind::Unfinished => &["run.log", "trials.jsonl", "run.mcap"],
+            Kind::Answer => &[""],
+        };
+        let files: Vec<PathBuf> = stamped
+            .iter()
+            .map(|name| if name.is_empty() { path.clone() } else { path.join(name) })
+            .collect();
+        let stamp = Stamp::of(files.iter().map(PathBuf::as_path));
         self.found.push(Found { path, place, kind, stamp });
     }
 }
@@ -147,6 +154,18 @@ impl Listing {
 /// Whether a file stands there itself, and no link to one.
 pub(crate) fn is_file(path: &Path) -> bool {
     fs::symlink_metadata(path).is_ok_and(|metadata| metadata.is_file())
+}
+
+/// The files of a finished result that are watched: what the table and the pages show is in them.
+const FINISHED_FILES: [&str; N_STAMPED] =
+    ["summary.json", "provenance.json", "steps.parquet", "report.html", "run.mcap", "trials.jsonl"];
+
+/// Whether a folder has the configuration and other files of a run, but no summary.
+fn is_without_summary(folder: &Path) -> bool {
+    let has = |name: &&str| is_file(&folder.join(name));
+    has(&"config.toml")
+        && !is_sweep(folder)
+        && ["run.log", "steps.parquet", "run.mcap"].iter().any(|name| has(name))
 }
 
 fn is_sweep(folder: &Path) -> bool {
@@ -161,13 +180,16 @@ mod tests {
     fn what_may_be_a_result_is_found_up_to_a_depth_and_no_link_is_followed() {
         let root = tempfile::tempdir().unwrap();
         let out = root.path().join("runs");
-        for folder in ["a", ".a.partial-7", ".hidden/b", "1/2/3/c", "1/2/3/4/d", "s/runs/t"] {
+        for folder in ["a", ".a.partial-7", ".hidden/b", "1/2/3/c", "1/2/3/4/d", "lost", "s/runs/t"]
+        {
             fs::create_dir_all(out.join(folder)).unwrap();
         }
         for file in ["a", ".hidden/b", "1/2/3/c", "1/2/3/4/d", "s/runs/t"] {
             fs::write(out.join(file).join("summary.json"), "{}").unwrap();
         }
         fs::write(out.join("a/other.json"), "{}").unwrap();
+        fs::write(out.join("lost/config.toml"), "").unwrap();
+        fs::write(out.join("lost/run.log"), "").unwrap();
         fs::write(out.join("s/sweep.toml"), "").unwrap();
         fs::write(out.join("answer.json"), "{}").unwrap();
         fs::create_dir(root.path().join("outside")).unwrap();
@@ -181,6 +203,7 @@ mod tests {
             ("1/2/3/c", Kind::Finished),
             ("a", Kind::Finished),
             ("answer.json", Kind::Answer),
+            ("lost", Kind::Finished),
             ("s", Kind::Unfinished),
             ("s/runs/t", Kind::Finished),
         ];

@@ -2,17 +2,22 @@
 
 use crate::listing::{Found, is_file};
 use crate::row::{FirstFigure, Row};
+use crate::settings::shown;
+use crate::unfinished::MOST_JOURNAL_BYTES;
 use input::Reading;
-use input::result::{PROVENANCE_FILE, ResultError, ResultFolder};
+use input::result::{PROVENANCE_FILE, ResultError, ResultFolder, Trust};
 use metrics::figures::Better;
 use metrics::headline;
-use numbers::statistics::range;
+use numbers::format::rounded;
 use proto::bounds::Bound;
 use record::metric::{Metric, SHARE, SHORT_NAMES, metrics as all_metrics};
 use record::run_summary::RunSummary;
 use record::{SCHEMA_PREFIX, Status};
+use serde::Deserialize;
 use serde_json::Value;
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
+use std::io::ErrorKind;
 use std::path::Path;
 use sweep::compare_runs::values_by_key;
 use sweep::{SUMMARY_SCHEMA, SweepSummary};
@@ -20,6 +25,13 @@ use sweep::{SUMMARY_SCHEMA, SweepSummary};
 /// A file that describes a result and has more bytes is not read.
 const MOST_BYTES: Bound =
     Bound { what: "size of a file that describes a result (bytes)", most: 16 << 20 };
+
+/// Values of a key that a sweep varies, at most.
+const MOST_VARIED: usize = 100;
+/// Details of a result, at most.
+const MOST_DETAILS: usize = 40;
+/// Digits of a detail.
+const DIGITS: usize = 4;
 
 /// Commands whose answers are listed: what their schemas begin with.
 const ANSWERS: [&str; 8] = [
@@ -50,18 +62,22 @@ pub(crate) fn finished(found: &Found, reading: Reading) -> Read {
         when_unix_s: found.stamp.changed_unix_s(),
         ..Row::default()
     };
-    let settings = filled(&mut row, &found.path, reading).unwrap_or_else(|(status, words)| {
+    let (settings, wrong) = match filled(&mut row, &found.path, reading) {
+        Ok((settings, wrong)) => (settings, wrong),
+        Err(wrong) => (Vec::new(), Some(wrong)),
+    };
+    if let Some((status, words)) = wrong {
         row.status = status;
         row.words = Some(words);
-        Vec::new()
-    });
+    }
     Read { row, settings }
 }
 
 /// What is wrong: the status, and why.
-type Wrong = (&'static str, String);
+pub(crate) type Wrong = (&'static str, String);
 
-fn unbelieved(error: ResultError) -> Wrong {
+/// The status of a result with a file that is not believed, and why.
+pub(crate) fn unbelieved(error: &ResultError) -> Wrong {
     let status = match error {
         ResultError::Changed { .. } => "changed",
         ResultError::Unknown { .. } => "unverified",
@@ -70,22 +86,81 @@ fn unbelieved(error: ResultError) -> Wrong {
     (status, error.to_string())
 }
 
+/// What the table takes from `provenance.json`, which lists the other files and has no fingerprint itself.
+#[derive(Default, Deserialize)]
+struct Provenance {
+    started_unix_s: Option<f64>,
+    #[serde(default)]
+    wall_s: f64,
+    #[serde(default)]
+    files: BTreeMap<String, Listed>,
+}
+
+/// A file as it was written.
+#[derive(Deserialize)]
+struct Listed {
+    bytes: u64,
+}
+
+impl Provenance {
+    fn of(path: &Path) -> Self {
+        let text = ResultFolder::unchecked(path).bytes(&MOST_BYTES, PROVENANCE_FILE).ok();
+        text.and_then(|text| serde_json::from_slice(&text).ok()).unwrap_or_default()
+    }
+
+    /// When a run ended (Unix time, s).
+    fn ended_unix_s(&self) -> Option<f64> {
+        Some(self.started_unix_s? + self.wall_s)
+    }
+
+    /// The files that are missing or have another length than they were written with, and what is wrong with each. No file is
+    /// read, so a file whose bytes were changed in place passes.
+    fn of_other_length(&self, path: &Path) -> BTreeMap<&str, String> {
+        // A list that was tampered with says nothing about files elsewhere.
+        let own = self.files.iter().filter(|(name, _)| !name.contains('/'));
+        own.filter_map(|(name, Listed { bytes })| {
+            let words = match std::fs::metadata(path.join(name)) {
+                Ok(found) if found.len() == *bytes => return None,
+                Ok(found) => format!("{name} has {} bytes, but the run wrote {bytes}", found.len()),
+                Err(error) if error.kind() == ErrorKind::NotFound => format!("{name} is missing"),
+                Err(error) => format!("{name}: {error}"),
+            };
+            Some((name.as_str(), words))
+        })
+        .collect()
+    }
+}
+
 fn filled(
     row: &mut Row,
     path: &Path,
     reading: Reading,
-) -> Result<Vec<(String, toml::Value)>, Wrong> {
+) -> Result<(Vec<(String, toml::Value)>, Option<Wrong>), Wrong> {
+    let unbelieved = |error: ResultError| unbelieved(&error);
     let damaged = |error: serde_json::Error| ("damaged", format!("summary.json: {error}"));
     let folder = ResultFolder::open(path, reading).map_err(unbelieved)?;
+    if !folder.has(RunSummary::FILE) {
+        row.kind = "run".to_owned();
+        return Err(("damaged", format!("{} is missing", RunSummary::FILE)));
+    }
+    let provenance = Provenance::of(path);
+    let others = match reading.trust {
+        Trust::Checked => provenance.of_other_length(path),
+        Trust::Unchecked => BTreeMap::new(),
+    };
+    // A file that is missing is a change as well: what is left can be read.
+    let wrong = (!others.is_empty())
+        .then(|| ("changed", others.values().cloned().collect::<Vec<String>>().join("; ")));
     let text = folder.bytes(&MOST_BYTES, RunSummary::FILE).map_err(unbelieved)?;
     let value: Value = serde_json::from_slice(&text).map_err(damaged)?;
     let schema = value["schema"].as_str().unwrap_or_default();
-    let has = |name: &str| is_file(&path.join(name));
+    let has = |name: &str| is_file(&path.join(name)) && !others.contains_key(name);
     row.has_report = has("report.html");
     if schema == SUMMARY_SCHEMA {
         row.kind = "sweep".to_owned();
-        of_sweep(row, &serde_json::from_value(value).map_err(damaged)?);
-        return Ok(Vec::new());
+        let summary: SweepSummary = serde_json::from_value(value).map_err(damaged)?;
+        of_sweep(row, &summary);
+        return Ok((Vec::new(), wrong.or_else(|| cut_journal(path, summary.trials))));
     }
     if !schema.starts_with(SCHEMA_PREFIX) {
         let words = format!("summary.json has the schema {schema:?}, which is of no run or sweep");
@@ -101,11 +176,12 @@ fn filled(
         }
     }
     let summary: RunSummary = serde_json::from_value(value).map_err(damaged)?;
-    row.when_unix_s = ended_unix_s(path).or(row.when_unix_s);
+    row.when_unix_s = provenance.ended_unix_s().or(row.when_unix_s);
     row.seed = Some(summary.seed);
     row.simulated_s = Some(summary.simulated_s);
     row.n_warnings = summary.warnings.len();
     row.first = summary.first_figure().map(|(headline, shown, value)| FirstFigure {
+        name: short_name(shown.path).to_owned(),
         words: shown.words.to_owned(),
         unit: shown.unit.to_owned(),
         is_greater_better: Some(headline.better == headline::Better::Greater),
@@ -118,7 +194,27 @@ fn filled(
         Status::Interrupted => "interrupted",
     };
     let config = folder.text(&MOST_BYTES, "config.toml").map_err(unbelieved)?;
-    Ok(settings_of(&config))
+    Ok((settings_of(&config), wrong))
+}
+
+/// What a filter calls the figure of a path.
+fn short_name(path: &str) -> &str {
+    let short = SHORT_NAMES.iter().find(|short| short.path == path);
+    short.map_or_else(|| path.rsplit('.').next().unwrap_or(path), |short| short.name)
+}
+
+/// What is wrong with the journal of a sweep, which `provenance.json` does not list because a later sweep adds to it.
+fn cut_journal(path: &Path, n_trials: usize) -> Option<Wrong> {
+    let name = "trials.jsonl";
+    let journal = ResultFolder::unchecked(path).bytes(&MOST_JOURNAL_BYTES, name).ok()?;
+    let n_lines = journal.iter().filter(|&&byte| byte == b'\n').count();
+    (n_lines < n_trials).then(|| {
+        let words = format!(
+            "{name} holds {} of {n_trials}; start the same sweep again to run the others",
+            numbers::format::count_of(n_lines as u64, "trial")
+        );
+        ("changed", words)
+    })
 }
 
 /// The values of a configuration that can change figures, but for the seed.
@@ -133,13 +229,6 @@ pub(crate) fn settings_of(config: &str) -> Vec<(String, toml::Value)> {
     values_by_key(&config).into_iter().filter(|(key, _)| !is_without_effect(key)).collect()
 }
 
-/// When a run ended (Unix time, s), as its `provenance.json` has it, which lists the other files and has no fingerprint itself.
-fn ended_unix_s(path: &Path) -> Option<f64> {
-    let text = ResultFolder::unchecked(path).bytes(&MOST_BYTES, PROVENANCE_FILE).ok()?;
-    let value: Value = serde_json::from_slice(&text).ok()?;
-    Some(value["started_unix_s"].as_f64()? + value["wall_s"].as_f64().unwrap_or(0.0))
-}
-
 fn of_sweep(row: &mut Row, summary: &SweepSummary) {
     let failed: usize = summary.settings.iter().map(|setting| setting.failed).sum();
     row.status = if failed == 0 { "complete" } else { "failed" };
@@ -148,6 +237,15 @@ fn of_sweep(row: &mut Row, summary: &SweepSummary) {
     let keys: Vec<&str> = keys.map(String::as_str).collect();
     let over = if keys.is_empty() { String::new() } else { format!(" over {}", keys.join(", ")) };
     let count = numbers::format::count_of;
+    for setting in &summary.settings {
+        for (key, value) in &setting.values {
+            let values = row.varied.entry(key.clone()).or_default();
+            let value = shown(value);
+            if values.len() < MOST_VARIED && !values.contains(&value) {
+                values.push(value);
+            }
+        }
+    }
     let mut words = format!(
         "{} of {}{over}",
         count(summary.trials as u64, "trial"),
@@ -158,28 +256,59 @@ fn of_sweep(row: &mut Row, summary: &SweepSummary) {
     }
     row.words = Some(words);
     // The first figure that any setting has.
-    let spread = |name: &str| {
-        let settings = summary.settings.iter();
-        settings.filter_map(|setting| Some(setting.metrics.get(name)?.spread?.median)).collect()
+    let spread = |name: &str| -> Vec<(String, f64)> {
+        let of_settings = summary.settings.iter().filter_map(|setting| {
+            let median = setting.metrics.get(name)?.spread?.median;
+            Some((words_of_setting(setting.case.as_deref(), &setting.values), median))
+        });
+        of_settings.collect()
     };
     let names = summary.settings.first().into_iter().flat_map(|setting| setting.metrics.keys());
-    let found = names.map(|name| (name, spread(name))).find(|(_, medians)| !Vec::is_empty(medians));
+    let found = names.map(|name| (name, spread(name))).find(|(_, medians)| !medians.is_empty());
     let Some((name, medians)) = found else { return };
     let metric = all_metrics().iter().find(|metric| metric.name() == name || metric.path == *name);
     let label = metric.map_or_else(|| name.clone(), |metric| metric.label.clone());
     let is_share = metric.is_some_and(|metric| metric.unit == Some(SHARE));
     let unit = metric.and_then(Metric::axis_unit).unwrap_or("1");
-    let [least, most] = range(medians.iter().copied());
     let is_greater_better = metric.and_then(|metric| better_of(metric.better));
-    let best = if is_greater_better == Some(false) { least } else { most };
+    let ascending = |a: &&(String, f64), b: &&(String, f64)| a.1.total_cmp(&b.1);
+    let best = match is_greater_better {
+        Some(false) => medians.iter().min_by(ascending),
+        _ => medians.iter().max_by(ascending),
+    };
+    let Some((at, value)) = best else { return };
+    let superlative = if is_greater_better.is_some() { "best" } else { "greatest" };
+    let at = if at.is_empty() { String::new() } else { format!(", {superlative}: {at}") };
     row.first = Some(FirstFigure {
-        words: format!("{label}, best setting"),
+        name: short_name(name).to_owned(),
+        words: format!("{label}{at}"),
         unit: if is_share { "%" } else { unit }.to_owned(),
         is_greater_better,
-        value: best,
+        value: *value,
     });
-    row.spark = medians;
+    row.details = medians
+        .iter()
+        .take(MOST_DETAILS)
+        .map(|(setting, median)| (setting.clone(), rounded(*median, DIGITS).to_string()))
+        .collect();
+    row.spark = medians.iter().map(|(_, median)| *median).collect();
     row.spark_words = Some(format!("median of {label}, setting by setting"));
+}
+
+/// The case and the values of a setting, each key by the last part of its path.
+fn words_of_setting<'a>(
+    case: Option<&str>,
+    values: impl IntoIterator<Item = (&'a String, &'a toml::Value)>,
+) -> String {
+    let values = values.into_iter().map(|(key, value)| {
+        let text = value.as_str().map_or_else(|| value.to_string(), str::to_owned);
+        let (above, last) = key.rsplit_once('.').unwrap_or(("", key));
+        // Many sections have a kind.
+        let above = above.rsplit('.').next().filter(|_| last == "kind").unwrap_or_default();
+        let dot = if above.is_empty() { "" } else { "." };
+        format!("{above}{dot}{last} {}", text.strip_suffix(".0").unwrap_or(&text))
+    });
+    case.map(str::to_owned).into_iter().chain(values).collect::<Vec<String>>().join(", ")
 }
 
 fn better_of(better: Better) -> Option<bool> {
@@ -216,17 +345,44 @@ pub(crate) fn answer(found: &Found, reading: Reading) -> Option<Read> {
         Some("robot" | "robots") => "m",
         _ => "1",
     };
-    let ladder = value["ladder"].as_array().into_iter().flatten();
-    row.spark = ladder.filter_map(|rung| rung["rmse"].as_f64()).collect();
-    let error = row.spark.last().copied().or_else(|| value["scores"]["rmse"].as_f64());
-    if let Some(value) = error {
+    let ladder = || value["ladder"].as_array().into_iter().flatten();
+    row.spark = ladder().filter_map(|rung| rung["rmse"].as_f64()).collect();
+    let of_ladder = row.spark.last().map(|&error| ("rmse".to_owned(), unit, error));
+    if let Some((name, unit, error)) = of_ladder.or_else(|| error_of_scores(&value)) {
         row.first = Some(FirstFigure {
+            name,
             words: "Error on held-out data (r.m.s.)".to_owned(),
             unit: unit.to_owned(),
             is_greater_better: Some(false),
-            value,
+            value: error,
         });
+    }
+    if !row.spark.is_empty() {
         row.spark_words = Some("r.m.s. error, effect by effect".to_owned());
     }
+    let said = |number: f64| rounded(number, DIGITS).to_string();
+    let rungs = ladder().filter_map(|rung| {
+        Some((
+            rung["model"].as_str()?.to_owned(),
+            format!("{} {unit}", said(rung["rmse"].as_f64()?)),
+        ))
+    });
+    let scores = value["scores"].as_object().into_iter().flatten().filter_map(|(name, score)| {
+        let interval = &value["intervals"][name];
+        let interval = match (interval[0].as_f64(), interval[1].as_f64()) {
+            (Some(low), Some(high)) => format!(" ({} to {})", said(low), said(high)),
+            _ => String::new(),
+        };
+        Some((name.clone(), format!("{}{interval}", said(score.as_f64()?))))
+    });
+    row.details = rungs.chain(scores).take(MOST_DETAILS).collect();
     Some(Read { row, settings: Vec::new() })
+}
+
+/// The error among the scores of `compare`, whose name ends in its unit: name, unit and value.
+fn error_of_scores(answer: &Value) -> Option<(String, &'static str, f64)> {
+    let error = |(name, unit): (&str, &'static str)| {
+        Some((name.to_owned(), unit, answer["scores"][name].as_f64()?))
+    };
+    [("rmse_db", "dB"), ("rmse_m", "m"), ("rmse_pdr", "%")].into_iter().find_map(error)
 }

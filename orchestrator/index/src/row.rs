@@ -1,6 +1,7 @@
 //! What the table has of a result.
 
 use serde::Serialize;
+use serde_json::Value;
 use std::collections::BTreeMap;
 
 /// What the table has of a result.
@@ -15,7 +16,9 @@ pub(crate) struct Row {
     pub(crate) status: &'static str,
     /// What there is to say of the status, or the sentence of an answer.
     pub(crate) words: Option<String>,
-    /// When it ended, or was last heard of (Unix time, s).
+    /// A command that goes on with it, for the folder in which this program was started.
+    pub(crate) command: Option<String>,
+    /// When it ended; of one that lasts, when it began (Unix time, s).
     pub(crate) when_unix_s: Option<f64>,
     /// The seed of a run.
     pub(crate) seed: Option<u64>,
@@ -27,11 +30,15 @@ pub(crate) struct Row {
     pub(crate) figures: BTreeMap<&'static str, f64>,
     /// How many warnings it has.
     pub(crate) n_warnings: usize,
+    /// Values that a sweep gives to keys, by key.
+    pub(crate) varied: BTreeMap<String, Vec<Value>>,
+    /// Names and values that a dialog lists, such as the scores of an answer.
+    pub(crate) details: Vec<(String, String)>,
     /// A few numbers of a sweep or an answer in their order, such as the median of each setting.
     pub(crate) spark: Vec<f64>,
     /// What these are.
     pub(crate) spark_words: Option<String>,
-    /// It has tables from which series over time can be made.
+    /// It has a table, or a recording that grows, from which series over time can be made.
     pub(crate) has_series: bool,
     /// It has a report.
     #[serde(skip)]
@@ -45,6 +52,8 @@ pub(crate) struct Row {
 /// The figure to look at first.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub(crate) struct FirstFigure {
+    /// Its name in filters, such as `leader_speed_ratio`.
+    pub(crate) name: String,
     /// What it is.
     pub(crate) words: String,
     /// Its unit; `%` of a share from 0 to 1, `1` of another number without a unit, empty of a count.

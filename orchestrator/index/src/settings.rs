@@ -24,7 +24,7 @@ pub(crate) struct Texts {
 }
 
 impl Texts {
-    fn number(&mut self, text: &str) -> u32 {
+    pub(crate) fn number(&mut self, text: &str) -> u32 {
         if let Some(&number) = self.numbers.get(text) {
             return number;
         }
@@ -47,9 +47,12 @@ impl Texts {
     }
 
     /// The keys that some runs have with different values, or some have and others lack.
+    ///
+    /// `varied` are the keys that sweeps vary, which differ as well.
     pub(crate) fn differing<'a>(
         &self,
         runs: impl IntoIterator<Item = &'a Numbered>,
+        varied: &BTreeSet<u32>,
     ) -> BTreeSet<u32> {
         let mut n_runs = 0;
         // Of each key: how many runs have it, one of its values, and whether there is another.
@@ -62,7 +65,9 @@ impl Texts {
                 *differs |= *one != value;
             }
         }
-        let differ = by_key.into_iter().filter(|(_, (n, _, differs))| *differs || *n < n_runs);
+        let differ = by_key
+            .into_iter()
+            .filter(|(key, (n, _, differs))| *differs || *n < n_runs || varied.contains(key));
         let mut keys: Vec<u32> = differ.map(|(key, _)| key).collect();
         keys.sort_by_key(|&key| self.text(key));
         keys.into_iter().take(MOST_COLUMNS).collect()
@@ -84,7 +89,7 @@ impl Texts {
 }
 
 /// A value as the page has it: numbers and truth values as such, of the rest the text.
-fn shown(value: &toml::Value) -> Value {
+pub(crate) fn shown(value: &toml::Value) -> Value {
     let cut = |text: &str| {
         let mut cut: String = text.chars().take(MOST_CHARACTERS).collect();
         if cut.len() < text.len() {
@@ -119,12 +124,15 @@ mod tests {
                 sweep::compare_runs::values_by_key(&settings).into_iter().collect();
             runs.push(texts.numbered(&settings));
         }
-        let keys = texts.differing(&runs);
+        let keys = texts.differing(&runs, &BTreeSet::new());
         let values: Vec<String> =
             runs.iter().map(|run| Value::Object(texts.values(run, &keys)).to_string()).collect();
         assert_eq!(values[0], "{\"a.y\":2.5,\"list\":\"[1, 2]\"}");
         assert_eq!(values[1], "{\"a.y\":3,\"list\":\"[1, 2]\"}");
         assert_eq!(values[2], "{\"a.y\":2.5,\"c\":true,\"list\":\"[1, 3]\"}");
-        assert!(texts.differing(&runs[..1]).is_empty());
+        assert!(texts.differing(&runs[..1], &BTreeSet::new()).is_empty());
+        // A key that a sweep varies.
+        let key = texts.number("b");
+        assert_eq!(texts.differing(&runs[..1], &BTreeSet::from([key])), BTreeSet::from([key]));
     }
 }

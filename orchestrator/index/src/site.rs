@@ -159,8 +159,7 @@ async fn series(
     let n_points = whole(&query, "points", MOST_POINTS)? as usize;
     let permit = site.reads.clone().acquire_owned().await.map_err(failed)?;
     blocking(move || {
-        let (path, _) = site.table.place(id).ok_or_else(|| no_result(id))?;
-        let series = site.table.series(&path, id);
+        let series = site.table.series(id).ok_or_else(|| no_result(id))?;
         drop(permit);
         let series = series.map_err(|text| Refused(StatusCode::CONFLICT, text))?;
         Ok(answer(&json!(series.thinned(n_points))))

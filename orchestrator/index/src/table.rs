@@ -3,9 +3,9 @@
 use crate::listing::{Found, Kind, Listing, Stamp};
 use crate::read::{self, Read};
 use crate::row::Row;
-use crate::series::{self, RunSeries};
+use crate::series::{self, NoSeries, RunSeries};
 use crate::settings::{Numbered, Texts};
-use crate::unfinished;
+use crate::unfinished::{self, RECORDING};
 use input::Reading;
 use input::result::ResultFolder;
 use record::run_summary::RunSummary;
@@ -59,15 +59,15 @@ struct Entry {
     path: PathBuf,
     kind: Kind,
     /// Of what was read; `None`: nothing yet.
-    stamp: Option<(Stamp, bool)>,
+    stamp: Option<(Stamp, Option<u64>)>,
     /// `None`: it is no result.
     row: Option<Row>,
     settings: Numbered,
     change: u64,
 }
 
-/// Why there are no series, in words.
-type Series = Result<Arc<RunSeries>, String>;
+/// The series of a run, or why there are none.
+type Series = Result<Arc<RunSeries>, NoSeries>;
 
 #[derive(Debug, Default)]
 struct KeptSeries {
@@ -158,8 +158,9 @@ impl ResultsTable {
             has_changed |= state.remove(&place);
         }
         for found in &listing.found {
-            let is_running = found.kind == Kind::Unfinished && unfinished::is_running(&found.path);
-            let stamp = (found.stamp, is_running);
+            let is_unfinished = found.kind == Kind::Unfinished;
+            let since = is_unfinished.then(|| unfinished::running_since(&found.path)).flatten();
+            let stamp = (found.stamp, since);
             let entry = state.entry(found);
             if entry.stamp == Some(stamp) && entry.kind == found.kind {
                 continue;
@@ -170,7 +171,7 @@ impl ResultsTable {
             }
             let read = match found.kind {
                 Kind::Finished => Some(read::finished(found, self.reading)),
-                Kind::Unfinished => Some(unfinished::unfinished(found, is_running)),
+                Kind::Unfinished => Some(unfinished::unfinished(found, since)),
                 Kind::Answer => read::answer(found, self.reading),
             };
             has_changed |= state.put(found, stamp, read);
@@ -197,19 +198,39 @@ impl ResultsTable {
         ResultFolder::open(path, self.reading).map_err(|error| error.to_string())
     }
 
-    /// The series of a run. They are kept until its files change.
-    pub(crate) fn series(&self, path: &Path, id: u32) -> Series {
-        let files =
-            ["summary.json", "provenance.json", "steps.parquet"].map(|name| path.join(name));
-        let stamp = Stamp::of([Some(&*files[0]), Some(&*files[1]), Some(&*files[2])]);
+    /// The series of a run. They are kept until its files change. A file that is found to be changed gives the row that status.
+    ///
+    /// # Errors
+    ///
+    /// In words.
+    pub(crate) fn series(&self, id: u32) -> Option<Result<Arc<RunSeries>, String>> {
+        let (path, row) = self.place(id)?;
+        let is_unfinished = matches!(row.status, "running" | "stopped");
+        let series = self.kept_series(&path, id, is_unfinished);
+        Some(series.map_err(|(status, words)| {
+            if let Some(status) = status {
+                self.state().mark(id, status, &words);
+            }
+            words
+        }))
+    }
+
+    fn kept_series(&self, path: &Path, id: u32, is_unfinished: bool) -> Series {
+        let files = ["summary.json", "provenance.json", "steps.parquet", RECORDING];
+        let files = files.map(|name| path.join(name));
+        let stamp = Stamp::of(files.iter().map(PathBuf::as_path));
         let kept = || self.series.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some((_, series)) = kept().by_id.get(&id).filter(|(own, _)| *own == stamp) {
             return series.clone();
         }
-        let made = self.open(path).and_then(|folder| {
-            let summary = RunSummary::of(&folder).map_err(|error| error.to_string())?;
-            series::series(&folder, summary.steps).map(Arc::new)
-        });
+        let made = if is_unfinished {
+            series::unfinished(path).map(Arc::new)
+        } else {
+            self.open(path).map_err(|words| (None, words)).and_then(|folder| {
+                let summary = RunSummary::of(&folder).map_err(|error| (None, error.to_string()))?;
+                series::series(&folder, &summary).map(Arc::new)
+            })
+        };
         let mut kept = kept();
         if kept.by_id.insert(id, (stamp, made.clone())).is_none() {
             kept.order.push_back(id);
@@ -241,7 +262,7 @@ impl State {
     }
 
     /// Takes what was read. Returns whether keys may differ that did not before.
-    fn put(&mut self, found: &Found, stamp: (Stamp, bool), read: Option<Read>) -> bool {
+    fn put(&mut self, found: &Found, stamp: (Stamp, Option<u64>), read: Option<Read>) -> bool {
         let (row, settings) =
             read.map_or((None, Vec::new()), |read| (Some(read.row), read.settings));
         let settings = self.texts.numbered(&settings);
@@ -249,7 +270,9 @@ impl State {
         let entry = self.entry(found);
         entry.stamp = Some(stamp);
         entry.kind = found.kind;
-        let has_settings = entry.settings != settings;
+        let varied =
+            |row: &Option<Row>| row.as_ref().map(|row| row.varied.clone()).unwrap_or_default();
+        let has_settings = entry.settings != settings || varied(&entry.row) != varied(&row);
         if entry.row == row && !has_settings {
             return false;
         }
@@ -271,7 +294,20 @@ impl State {
             self.change += 1;
             self.remember_removed(entry.id);
         }
-        !entry.settings.is_empty()
+        !entry.settings.is_empty() || entry.row.is_some_and(|row| !row.varied.is_empty())
+    }
+
+    /// Gives a row the status of a file that was found to be wrong when it was opened.
+    fn mark(&mut self, id: u32, status: &'static str, words: &str) {
+        let change = self.change + 1;
+        let Some(entry) = self.entries.values_mut().find(|entry| entry.id == id) else { return };
+        if let Some(row) = entry.row.as_mut().filter(|row| row.has_series) {
+            row.status = status;
+            row.words = Some(words.to_owned());
+            row.has_series = false;
+            entry.change = change;
+            self.change = change;
+        }
     }
 
     fn remember_removed(&mut self, id: u32) {
@@ -290,8 +326,11 @@ impl State {
 
     /// Finds the keys that differ. If these are others than before, all rows of runs have changed.
     fn find_differing(&mut self) {
+        let rows = self.entries.values().filter_map(|entry| entry.row.as_ref());
+        let varied: BTreeSet<u32> =
+            rows.flat_map(|row| row.varied.keys()).map(|key| self.texts.number(key)).collect();
         let runs = self.entries.values().filter(|entry| !entry.settings.is_empty());
-        let differing = self.texts.differing(runs.map(|entry| &entry.settings));
+        let differing = self.texts.differing(runs.map(|entry| &entry.settings), &varied);
         if differing == self.differing {
             return;
         }
@@ -308,6 +347,7 @@ impl State {
         let has_report = entry.row.as_ref().is_some_and(|row| row.has_report);
         shown["report"] = json!(has_report.then(|| report_of(entry.id)));
         shown["id"] = json!(entry.id);
+        shown["path"] = json!(entry.path.display().to_string());
         let settings = self.texts.values(&entry.settings, &self.differing);
         shown["settings"] = Value::Object(settings);
         shown

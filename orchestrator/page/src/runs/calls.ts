@@ -21,6 +21,8 @@ export interface About {
 }
 
 export interface FirstFigure {
+  /** What filters call it. */
+  name: string;
   words: string;
   unit: string;
   is_greater_better: boolean | null;
@@ -36,6 +38,10 @@ export interface Row {
   kind: string;
   status: string;
   words: string | null;
+  /** A command that goes on with it. */
+  command: string | null;
+  /** Where it is, for commands. */
+  path: string;
   when_unix_s: number | null;
   seed: number | null;
   simulated_s: number | null;
@@ -49,6 +55,10 @@ export interface Row {
   report: string | null;
   progress: { done: number; of: number } | null;
   settings: Record<string, Setting>;
+  /** What a sweep varies. */
+  varied: Record<string, Setting[]>;
+  /** Names and values, such as the scores of an answer. */
+  details: [string, string][];
 }
 
 /** What changed after a change that the page knows. */
@@ -66,6 +76,10 @@ export interface Changes {
 export interface RunSeries {
   time_s: number[];
   values: Record<string, (number | null)[]>;
+  /** When the robots started (s); null: they have not. */
+  robots_started_s: number | null;
+  /** Mean of each series from then on. */
+  means: Record<string, number | null>;
 }
 
 /** Requests to the program that serves the page. Each carries the token of the page's own address. */

@@ -1,9 +1,10 @@
 import "./style.css";
-import { checkbox, element, selection, setText } from "../dom.ts";
+import { checkbox, element, isTouch, selection, setText } from "../dom.ts";
 import { OKABE_ITO } from "../swarm/colours.ts";
-import { type About, Calls, type Row } from "./calls.ts";
+import { type About, Calls, type Row, type SeriesKind } from "./calls.ts";
 import { type Choices, fragmentOf, INITIAL, parseChoices } from "./choices.ts";
 import { type Column, columnsOf, isSortable, sorted } from "./columns.ts";
+import { Details } from "./details.ts";
 import { type Filter, parseFilter } from "./filter.ts";
 import { Overlay } from "./overlay.ts";
 import { SeriesStore } from "./series.ts";
@@ -13,6 +14,8 @@ import { ResultsTable } from "./table.ts";
 const POLL_MS = 3000;
 /** Runs in the chart. */
 const MOST_SELECTED = 8;
+/** A flock that is slower stands still (m/s). */
+const STILL_MPS = 0.01;
 /** Below this width (px), rows are cards. */
 const CARDS_PX = 760;
 
@@ -50,21 +53,25 @@ class Page {
   private readonly table: ResultsTable;
   private readonly overlay: Overlay;
   private readonly search = element("input", {
-    type: "search", placeholder: "Filter: name, radius_m=8, pdr<90%, status!=complete", "aria-label": "Filter", spellcheck: "false", autocomplete: "off", "aria-describedby": "filter-words",
+    type: "search", placeholder: "Filter", "aria-label": "Filter", spellcheck: "false", autocomplete: "off", "aria-describedby": "filter-words",
   });
   private readonly words = element("p", { class: "note", id: "filter-words", role: "status" });
   private readonly trouble = element("p", { class: "trouble", role: "alert", hidden: true });
+  private readonly details: Details;
   private readonly nothing = element("div", { class: "nothing", hidden: true });
-  private readonly menu = element("div", { class: "menu-body" });
+  private readonly menu = element("div");
+  private readonly menuSearch = element("input", { type: "search", placeholder: "Find a column", "aria-label": "Find a column", spellcheck: "false", autocomplete: "off", oninput: () => this.filterMenu() });
   private readonly sortChoice: HTMLSelectElement;
   private readonly sortOrder = element("button", { type: "button", class: "order", onclick: () => this.turn() });
   private change = 0;
   private unread = 0;
   private isCut = false;
   private isComplete = false;
+  /** The program did not answer the latest request. */
+  private isCutOff = false;
   private columns: Column[] = [];
   private optional = new Map<string, boolean>();
-  private filter: Filter = { test: () => true, problem: "" };
+  private filter: Filter = { test: () => true, problem: "", note: "" };
   private shownRows: Row[] = [];
   private menuVersion = "";
 
@@ -73,12 +80,13 @@ class Page {
     private readonly calls: Calls,
   ) {
     this.choices = parseChoices(location.hash);
-    if (!about.series.some(({ name }) => name === this.choices.series)) this.choices.series = about.series[0].name;
+    if (!about.series.some(({ name }) => name === this.choices.series)) this.choices.series = "";
+    this.details = new Details(calls);
     this.series = new SeriesStore(calls, () => this.show());
-    this.table = new ResultsTable(calls, this.series, { sort: (column) => this.sortBy(column), select: (row, selected) => this.select(row, selected) });
+    this.table = new ResultsTable(calls, this.series, { sort: (column) => this.sortBy(column), select: (row, selected) => this.select(row, selected), details: (row) => this.details.show(row) });
     this.overlay = new Overlay(about.series, {
-      chooseSeries: (name) => this.choose({ series: name }),
-      drop: (row) => this.select(row, false),
+      choose: (changes) => this.choose(changes),
+      drop: (row) => void this.select(row, false),
       clear: () => this.choose({ selected: [] }),
     });
     this.search.value = this.choices.filter;
@@ -90,13 +98,16 @@ class Page {
     sort.root.classList.add("sort");
     this.sortChoice = sort.select;
     const theme = element("button", { type: "button", title: "Dark or light", "aria-label": "Dark or light", onclick: () => this.choose({ theme: this.dark ? "light" : "dark" }) }, "◐");
-    const menu = element("details", { class: "menu" }, element("summary", {}, "Columns"), this.menu);
+    const menu = element("details", { class: "menu" }, element("summary", {}, "Columns"), element("div", { class: "menu-body" }, this.menuSearch, this.menu));
+    menu.addEventListener("toggle", () => {
+      if (menu.open && !isTouch()) this.menuSearch.focus();
+    });
     document.addEventListener("click", (event) => {
       if (!menu.contains(event.target as Node)) menu.open = false;
     });
     const head = element("header", {}, element("h1", {}, "Results"), element("span", { class: "folder", title: about.folder }, about.folder), element("span", { class: "spring" }), theme);
     const bar = element("div", { class: "bar" }, this.search, sort.root, this.sortOrder, menu);
-    page.replaceChildren(element("div", { class: "shell" }, head, bar, this.words, this.trouble, element("main", {}, this.table.root, this.nothing), this.overlay.root));
+    page.replaceChildren(element("div", { class: "shell" }, head, bar, this.words, element("main", {}, this.table.root, this.nothing, this.trouble), this.overlay.root), this.details.root);
     systemDark.addEventListener("change", () => this.show());
     window.addEventListener("resize", () => this.show());
     window.addEventListener("hashchange", () => this.choose(parseChoices(location.hash)));
@@ -120,7 +131,9 @@ class Page {
       if (is_all) this.rows.clear();
       for (const row of rows) {
         const before = this.rows.get(row.id);
-        if (before !== undefined && (before.when_unix_s !== row.when_unix_s || before.status !== row.status)) this.series.forget(row.id);
+        const isOther = before !== undefined && (before.when_unix_s !== row.when_unix_s || before.status !== row.status);
+        if (isOther) this.series.forget(row.id);
+        else if (row.status === "running" && row.has_series) void this.series.renew(row.id);
         this.rows.set(row.id, row);
       }
       for (const id of removed) this.rows.delete(id);
@@ -141,10 +154,12 @@ class Page {
       if (document.hidden) continue;
       try {
         await this.update();
-        this.trouble.hidden = true;
+        if (this.isCutOff) this.trouble.hidden = true;
+        this.isCutOff = false;
       } catch (error) {
         setText(this.trouble, (error as Error).message);
         this.trouble.hidden = false;
+        this.isCutOff = true;
       }
     }
   }
@@ -180,16 +195,16 @@ class Page {
     this.choose({ order: this.choices.order === "ascending" ? "descending" : "ascending" });
   }
 
-  private select(row: Row, selected: boolean): void {
+  private select(row: Row, selected: boolean): boolean {
     const others = this.choices.selected.filter((name) => name !== row.name);
     if (selected && others.length >= MOST_SELECTED) {
       setText(this.trouble, `The chart has at most ${MOST_SELECTED} runs: take one out first.`);
       this.trouble.hidden = false;
-      this.show();
-      return;
+      return false;
     }
     this.trouble.hidden = true;
     this.choose({ selected: selected ? [...others, row.name] : others });
+    return selected;
   }
 
   /** Finds the columns anew after rows have changed. */
@@ -197,7 +212,34 @@ class Page {
     const { all, optional } = columnsOf(this.about, [...this.rows.values()]);
     this.columns = all;
     this.optional = optional;
+    this.search.placeholder = this.placeholder();
     if (!all.some((column) => column.key === this.choices.sort && isSortable(column))) this.choices.sort = INITIAL.sort;
+  }
+
+  /** A filter for example, of columns that are there. */
+  private placeholder(): string {
+    const rows = [...this.rows.values()];
+    const columns = this.visible();
+    const conditions = columns.flatMap((column) => {
+      if (column.kind !== "setting") return [];
+      const values = rows.flatMap((row) => column.values?.(row) ?? []).filter((value) => value !== null && /^[\w.-]{1,12}$/.test(String(value)));
+      return values.length === 0 ? [] : [`${column.label}=${values[0]}`];
+    });
+    const condition = conditions[0] ?? "kind=run";
+    if (window.innerWidth < CARDS_PX) return `Filter: ${condition}`;
+    const share = this.about.figures.find(({ name, unit }) => unit === "%" && columns.some(({ key }) => key === name));
+    const shares = rows.flatMap((row) => (share === undefined ? [] : (row.figures[share.name] ?? []))).sort((a, b) => a - b);
+    const less = share === undefined || shares.length === 0 ? [] : [`${share.name}<${Math.ceil(100 * shares[shares.length >> 1])}%`];
+    return `Filter: a word, ${[condition, ...less, "status!=complete"].join(", ")}`;
+  }
+
+  /** The series that the user has chosen, or one that the runs have; null: no row has any. */
+  private shownSeries(): SeriesKind | null {
+    const rows = [...this.rows.values()].filter((row) => row.has_series);
+    if (rows.length === 0) return null;
+    const move = rows.some((row) => row.status === "running" || (row.figures["flock_speed"] ?? 0) > STILL_MPS);
+    const name = this.choices.series !== "" ? this.choices.series : move ? "flock_speed" : "neighbours";
+    return this.about.series.find((kind) => kind.name === name) ?? this.about.series[0];
   }
 
   private visible(): Column[] {
@@ -212,14 +254,15 @@ class Page {
     const passing = [...this.rows.values()].filter(this.filter.test);
     this.shownRows = column === undefined ? passing : sorted(passing, column, choices.order);
     const drawn = this.drawn();
-    const series = this.about.series.find(({ name }) => name === choices.series) ?? this.about.series[0];
+    const series = this.shownSeries();
     const isCards = window.innerWidth < CARDS_PX;
     this.table.root.classList.toggle("cards", isCards);
     this.table.show({
       columns: this.visible(), rows: this.shownRows, sort: choices.sort, order: choices.order, series,
       colours: new Map(drawn.map(({ row, colour }) => [row.id, colour])), isCards, nowS: Date.now() / 1000,
     });
-    this.overlay.show(series, drawn, this.dark);
+    this.overlay.root.hidden = series === null;
+    this.overlay.show(series ?? this.about.series[0], drawn, choices, this.dark);
     this.showWords();
     this.showMenu();
   }
@@ -241,7 +284,7 @@ class Page {
     const [n, all] = [this.shownRows.length, this.rows.size];
     const counted = n === all ? `${all} ${all === 1 ? "result" : "results"}` : `${n} of ${all} results`;
     const running = this.shownRows.filter((row) => row.status === "running").length;
-    const parts = [this.filter.problem, counted];
+    const parts = [this.filter.problem, this.filter.note, counted];
     if (running > 0) parts.push(`${running} running`);
     if (this.unread > 0) parts.push(`reading ${this.unread} more`);
     if (this.isCut) parts.push("the folder holds more than is listed: open a folder within it");
@@ -252,7 +295,7 @@ class Page {
     if (isEmpty) {
       const clear = element("button", { type: "button", onclick: () => this.choose({ filter: "" }) }, "Clear the filter");
       const empty = element("p", {}, `The folder holds no result any more. \`${this.about.program} run experiment.toml\` makes one.`);
-      this.nothing.replaceChildren(...(all === 0 ? [empty] : [element("p", {}, "No result passes the filter."), clear]));
+      this.nothing.replaceChildren(...(all === 0 ? [empty] : [element("p", {}, "No result passes the filter."), ...(this.filter.note === "" ? [] : [element("p", {}, `${this.filter.note}.`)]), clear]));
     }
   }
 
@@ -277,6 +320,15 @@ class Page {
       element("h3", {}, "Figures"), ...(figures.length > 0 ? figures : [none("No result has any of the figures.")]),
       element("h3", {}, "Configuration: keys that differ"), ...(settings.length > 0 ? settings : [none("The configurations of all runs are the same.")]),
     );
+    this.filterMenu();
+  }
+
+  /** Hides what the search box of the menu does not name. */
+  private filterMenu(): void {
+    const wanted = this.menuSearch.value.trim().toLowerCase();
+    for (const label of this.menu.querySelectorAll<HTMLElement>("label")) {
+      label.hidden = !`${label.textContent} ${label.title}`.toLowerCase().includes(wanted);
+    }
   }
 }
 

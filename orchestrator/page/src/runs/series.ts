@@ -50,6 +50,16 @@ export class SeriesStore {
     this.many.delete(id);
   }
 
+  /** Reads the series of a run that lasts again, and shows the earlier one meanwhile. */
+  async renew(id: number): Promise<void> {
+    const [few, many] = [this.few.has(id), this.many.has(id)];
+    if (!few && !many) return;
+    const loaded = await this.load(id, many ? MANY_POINTS : FEW_POINTS);
+    if (many) this.many.set(id, loaded);
+    if (few) this.few.set(id, many ? thinned(loaded, FEW_POINTS) : loaded);
+    this.changed();
+  }
+
   private async load(id: number, points: number): Promise<Loaded> {
     try {
       return await this.calls.series(id, points);
@@ -71,4 +81,12 @@ export class SeriesStore {
       });
     }
   }
+}
+
+/** At most so many points of a series. */
+function thinned(loaded: Loaded, points: number): Loaded {
+  if (loaded instanceof Error) return loaded;
+  const every = Math.max(1, Math.ceil(loaded.time_s.length / points));
+  const some = <T>(list: T[]): T[] => list.filter((_, i) => i % every === 0);
+  return { ...loaded, time_s: some(loaded.time_s), values: Object.fromEntries(Object.entries(loaded.values).map(([name, values]) => [name, some(values)])) };
 }

@@ -1,7 +1,8 @@
-import { element, setText } from "../dom.ts";
+import { element } from "../dom.ts";
 import { figure } from "../format.ts";
 import type { Calls, Row, SeriesKind } from "./calls.ts";
-import { agoText, type Column, firstText, isSortable, type Order } from "./columns.ts";
+import { agoText, type Column, countText, firstText, isSortable, type Order, withUnit } from "./columns.ts";
+import { labelWithUnit } from "./overlay.ts";
 import type { Loaded, SeriesStore } from "./series.ts";
 import { sparkBars, sparkLine } from "./spark.ts";
 
@@ -12,6 +13,9 @@ const CARD_PX = 82;
 const CARD_FIGURE_PX = 44;
 const CARD_LINE_PX = 21;
 const CARD_LINKS_PX = 30;
+const CARD_PROGRESS_PX = 22;
+/** A name with a value of more letters has a line of a card to itself. */
+const CARD_LETTERS = 20;
 /** Rows beyond the part in sight that are drawn, too. */
 const BEYOND = 4;
 
@@ -21,7 +25,8 @@ export interface Shown {
   rows: Row[];
   sort: string;
   order: Order;
-  series: SeriesKind;
+  /** The series of runs; null: no row has any. */
+  series: SeriesKind | null;
   /** Colour of each selected run. */
   colours: Map<number, string>;
   isCards: boolean;
@@ -30,7 +35,9 @@ export interface Shown {
 
 interface Actions {
   sort(column: Column): void;
-  select(row: Row, selected: boolean): void;
+  /** Returns whether the row is selected then. */
+  select(row: Row, selected: boolean): boolean;
+  details(row: Row): void;
 }
 
 /** The table. Only rows in sight are in the document. */
@@ -72,14 +79,14 @@ export class ResultsTable {
   }
 
   private drawHead({ columns, sort, order, series }: Shown): void {
-    const version = JSON.stringify([columns.map((column) => [column.key, column.label]), sort, order, series.name]);
+    const version = JSON.stringify([columns.map((column) => [column.key, column.label]), sort, order, series?.name]);
     if (version === this.headVersion) return;
     this.headVersion = version;
     const focused = document.activeElement instanceof HTMLElement ? document.activeElement.dataset["sort"] : undefined;
     this.columns.replaceChildren(element("col", { width: 36 }), ...columns.map((column) => element("col", { width: column.width })));
     this.table.style.setProperty("--least-width", `${36 + columns.reduce((sum, column) => sum + column.width, 0)}px`);
     const cells = columns.map((column) => {
-      const label = column.kind === "series" ? series.label : column.label;
+      const label = column.kind === "series" ? (series === null ? "values" : labelWithUnit(series)) : column.label;
       const kind = `${column.kind}${column.isNumeric ? " number" : ""}`;
       if (!isSortable(column)) return element("th", { scope: "col", class: kind, title: column.title }, label);
       const direction = column.key === sort ? order : "none";
@@ -146,7 +153,7 @@ export class ResultsTable {
     for (const row of rows) {
       const loaded = this.series.row(row.id);
       if (loaded === undefined || loaded instanceof Error) continue;
-      for (const value of loaded.values[series.name] ?? []) {
+      for (const value of series === null ? [] : (loaded.values[series.name] ?? [])) {
         if (value === null) continue;
         least = Math.min(least, value);
         most = Math.max(most, value);
@@ -160,10 +167,15 @@ export class ResultsTable {
     const colour = shown.colours.get(row.id);
     const when = row.when_unix_s === null ? "" : agoText(row.when_unix_s, shown.nowS);
     const version = JSON.stringify([
-      row, colour, when, shown.isCards, shown.series.name, shown.columns.map((column) => column.key), loaded === undefined, loaded instanceof Error, row.has_series && scale,
+      row, colour, when, shown.isCards, shown.series?.name, shown.columns.map((column) => column.key), loaded === undefined, loaded instanceof Error, row.has_series && scale,
     ]);
     const before = this.drawn.get(row.id);
-    if (before?.version === version) return before.row;
+    if (before?.version === version) {
+      // What the user has ticked is undone if it was refused.
+      const box = before.row.querySelector("input");
+      if (box !== null && box.checked !== (colour !== undefined)) box.checked = colour !== undefined;
+      return before.row;
+    }
     const made = before?.row ?? element("tr", { "data-id": row.id });
     const hadFocus = made.contains(document.activeElement);
     made.setAttribute("aria-selected", String(colour !== undefined));
@@ -179,7 +191,9 @@ export class ResultsTable {
     const box = element("input", { type: "checkbox", "aria-label": name, title: name, disabled: !row.has_series });
     box.checked = colour !== undefined;
     if (colour !== undefined) box.style.accentColor = colour;
-    box.addEventListener("change", () => this.actions.select(row, box.checked));
+    box.addEventListener("change", () => {
+      box.checked = this.actions.select(row, box.checked);
+    });
     return element("td", { class: "pick" }, box);
   }
 
@@ -188,11 +202,14 @@ export class ResultsTable {
     switch (column.kind) {
       case "name":
         cell.title = row.words === null ? row.name : `${row.name}\n${row.words}`;
-        cell.append(element("div", { class: "strong" }, this.name(row)), element("div", { class: "faint" }, `${row.kind}${row.words === null ? "" : ` · ${row.words}`}`));
+        cell.append(
+          element("div", { class: "strong" }, this.name(row)),
+          element("button", { type: "button", class: "faint more", "aria-label": `Details of ${row.name}`, onclick: () => this.actions.details(row) }, `${row.kind}${row.words === null ? "" : ` · ${row.words}`}`),
+        );
         break;
       case "status":
         cell.append(element("span", { class: "badge" }, row.status));
-        if (row.progress !== null) cell.append(progressOf(row.progress));
+        if (row.progress !== null) cell.append(element("div", { class: "faint" }, countText(row)), progressOf(row.progress));
         break;
       case "when":
         if (row.when_unix_s !== null) cell.title = new Date(row.when_unix_s * 1000).toLocaleString();
@@ -210,12 +227,17 @@ export class ResultsTable {
       case "links":
         if (row.report !== null) cell.append(pageLink(row.report, "report", `Report of ${row.name}`));
         if (row.has_recording) cell.append(pageLink(this.calls.player(row), "play", `Play ${row.name}`));
+        if (row.command !== null) cell.append(element("button", { type: "button", class: "plain", "aria-label": `Recover ${row.name}`, onclick: () => this.actions.details(row) }, "recover…"));
         break;
       default: {
         const text = column.text(row);
-        if (isChip(column)) cell.dataset["label"] = column.label;
+        if (isChip(column)) {
+          cell.dataset["label"] = column.label;
+          cell.classList.toggle("wide", isWide(column, row));
+        }
         cell.title = `${column.title}${text === "" ? ": none" : `: ${String(column.value(row))}`}`;
-        cell.append(text);
+        cell.append(shown.isCards ? element("span", {}, text) : text);
+        if (shown.isCards && text === "") cell.replaceChildren();
         if (column.isNumeric) cell.classList.add("number");
       }
     }
@@ -225,7 +247,8 @@ export class ResultsTable {
   /** The name, which leads to the page of the result. */
   private name(row: Row): Node | string {
     const href = row.report ?? (row.has_recording ? this.calls.player(row) : null);
-    return href === null ? row.name : element("a", { href, target: "_blank", rel: "noopener" }, row.name);
+    if (href !== null) return element("a", { href, target: "_blank", rel: "noopener" }, row.name);
+    return element("button", { type: "button", class: "more", onclick: () => this.actions.details(row) }, row.name);
   }
 
   /** Arrow keys go from row to row. */
@@ -248,15 +271,22 @@ export class ResultsTable {
 
 /** Height of the card of a row (px). */
 function cardPx(row: Row, columns: Column[]): number {
-  const lines = Math.ceil(columns.filter((column) => isChip(column) && column.text(row) !== "").length / 2);
+  const chips = columns.filter((column) => isChip(column) && column.text(row) !== "");
+  const wide = chips.filter((column) => isWide(column, row)).length;
+  const lines = wide + Math.ceil((chips.length - wide) / 2);
   const figure = row.first !== null || row.has_series || row.spark.length > 0;
-  const links = row.report !== null || row.has_recording;
-  return CARD_PX + (figure ? CARD_FIGURE_PX : 0) + lines * CARD_LINE_PX + (links ? CARD_LINKS_PX : 0);
+  const links = row.report !== null || row.has_recording || row.command !== null;
+  return CARD_PX + (row.progress === null ? 0 : CARD_PROGRESS_PX) + (figure ? CARD_FIGURE_PX : 0) + lines * CARD_LINE_PX + (links ? CARD_LINKS_PX : 0);
 }
 
 /** Whether a card shows a column as a name with a value. */
 function isChip({ kind }: Column): boolean {
   return kind === "figure" || kind === "setting" || kind === "count";
+}
+
+/** Whether a card shows a name with a value on a line of their own. */
+function isWide(column: Column, row: Row): boolean {
+  return column.label.length + column.text(row).length > CARD_LETTERS;
 }
 
 function pageLink(href: string, text: string, label: string): HTMLElement {
@@ -272,21 +302,32 @@ function progressOf({ done, of }: { done: number; of: number }): HTMLElement {
   return bar;
 }
 
-function seriesOf(row: Row, series: SeriesKind, loaded: Loaded | undefined, [least, most]: [number, number]): Node[] {
+/** Numbers beside a line or bars, and what they are. */
+function beside(numbers: string, words: string): HTMLElement {
+  return element("span", { class: "last" }, element("span", {}, numbers), element("span", {}, words));
+}
+
+function seriesOf(row: Row, series: SeriesKind | null, loaded: Loaded | undefined, [least, most]: [number, number]): Node[] {
   if (row.spark.length > 0) {
     const title = `${row.spark_words ?? "values"}: ${row.spark.slice(0, 8).map(figure).join(", ")}${row.spark.length > 8 ? ", …" : ""}`;
-    return [sparkBars(row.spark, title)];
+    const unit = row.first?.unit ?? "";
+    const [from, to] = row.kind === "sweep" ? [Math.min(...row.spark), Math.max(...row.spark)] : [row.spark[0], row.spark[row.spark.length - 1]];
+    const bare = (value: number): string => withUnit(value, unit).replace(/ .*/, "");
+    const numbers = row.spark.length === 1 ? withUnit(to, unit) : `${bare(from)} ${row.kind === "sweep" ? "to" : "→"} ${withUnit(to, unit)}`;
+    return [sparkBars(row.spark, title), beside(numbers, row.kind === "sweep" ? `${row.spark.length} settings, medians` : "error, by effect")];
   }
-  if (!row.has_series) return [];
+  if (!row.has_series || series === null) return [];
   if (loaded === undefined) return [element("span", { class: "faint" }, "…")];
   if (loaded instanceof Error) return [element("span", { class: "faint", title: loaded.message }, "cannot be read")];
-  const values = loaded.values[series.name] ?? [];
+  // While a network forms, robots wait.
+  const start = loaded.robots_started_s ?? 0;
+  const from = Math.max(0, loaded.time_s.findIndex((timeS) => timeS > start));
+  const values = (loaded.values[series.name] ?? []).slice(from);
   const known = values.filter((value) => value !== null);
   if (known.length === 0) return [element("span", { class: "faint" }, "none")];
   const scaled = (value: number): string => (series.unit === "%" ? `${figure(+(100 * value).toPrecision(4))} %` : `${figure(value)}${series.unit === "" ? "" : ` ${series.unit}`}`);
   const last = known[known.length - 1];
   const title = `${series.label} from ${scaled(known[0])} to ${scaled(last)}, at least ${scaled(Math.min(...known))}, at most ${scaled(Math.max(...known))}`;
-  const value = element("span", { class: "last" });
-  setText(value, series.unit === "%" ? scaled(last) : figure(+last.toPrecision(3)));
-  return [sparkLine(values, least, most, title), value];
+  const mean = loaded.means[series.name] ?? null;
+  return [sparkLine(values, least, most, title), beside(mean === null ? "–" : scaled(+mean.toPrecision(3)), "mean")];
 }

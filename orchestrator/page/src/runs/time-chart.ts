@@ -8,7 +8,22 @@ export interface Line {
   name: string;
   colour: string;
   curve: Curve;
+  /** The curve as it is recorded, if `curve` is smoothed. */
+  raw?: Curve;
 }
+
+/** What the axes show. */
+export interface Axes {
+  x: string;
+  y: string;
+  /** The values are per cent, and 100 is the most. */
+  isShare: boolean;
+}
+
+/** Room around the curves for numbers and labels (px). */
+const AROUND = { left: 62, right: 14, top: 8, bottom: 40 };
+/** How opaque a curve is behind its smoothed one. */
+const RAW = "55";
 
 /** Colours of what is around the curves. */
 export interface Ink {
@@ -43,22 +58,23 @@ function wholeSpan(lines: Line[]): Span | null {
 }
 
 /** The values of curves within a span, with zero, and with a margin. */
-function valuesWithin(lines: Line[], [from, until]: Span): Span {
+function valuesWithin(lines: Line[], [from, until]: Span, isShare: boolean): Span {
   let [low, high] = [0, 0];
-  for (const { curve } of lines) {
+  for (const { curve: shown, raw } of lines) {
+    const curve = raw ?? shown;
     curve.value.forEach((value, i) => {
       if (value === null || curve.timeS[i] < from || curve.timeS[i] > until) return;
       low = Math.min(low, value);
       high = Math.max(high, value);
     });
   }
-  return high > low ? [low * 1.06, high * 1.06] : [0, 1];
+  return high > low ? [low * 1.06, high * 1.06] : [0, isShare ? 100 : 1];
 }
 
 /** Axes and curves within a frame. Curves end at its edges. */
-export function chartShapes(lines: Line[], span: Span, { left, right, top, bottom }: Frame, ink: Ink): Shape[] {
+export function chartShapes(lines: Line[], axes: Axes, span: Span, { left, right, top, bottom }: Frame, ink: Ink): Shape[] {
   const [from, until] = span;
-  const [low, high] = valuesWithin(lines, span);
+  const [low, high] = valuesWithin(lines, span, axes.isShare);
   const px = (t: number): number => left + ((right - left) * (t - from)) / (until - from);
   const py = (v: number): number => bottom - ((bottom - top) * (v - low)) / (high - low);
   const label = { kind: "text", fill: ink.text, size: 11 } as const;
@@ -73,12 +89,15 @@ export function chartShapes(lines: Line[], span: Span, { left, right, top, botto
   for (let k = Math.ceil(from / stepX); k * stepX <= until; k++) {
     const x = px(k * stepX);
     shapes.push({ kind: "line", x1: x, y1: top, x2: x, y2: bottom, stroke: ink.grid });
-    shapes.push({ ...label, x, y: bottom + 13, text: `${+(k * stepX).toPrecision(6)} s`, anchor: "middle" });
+    shapes.push({ ...label, x, y: bottom + 13, text: String(+(k * stepX).toPrecision(6)), anchor: "middle" });
   }
-  for (const { curve, colour } of lines) {
+  shapes.push({ ...label, size: 12, x: (left + right) / 2, y: bottom + 30, text: axes.x, anchor: "middle" });
+  shapes.push({ ...label, size: 12, x: left - 50, y: (top + bottom) / 2, text: axes.y, anchor: "middle", turned: true });
+  const raw = lines.flatMap(({ raw, colour }) => (raw === undefined ? [] : [{ curve: raw, colour: `${colour}${RAW}`, width: 1 }]));
+  for (const { curve, colour, width } of [...raw, ...lines.map((line) => ({ ...line, width: 1.75 }))]) {
     let points: number[] = [];
     const flush = (): void => {
-      if (points.length > 2) shapes.push({ kind: "path", points, stroke: colour, width: 1.75 });
+      if (points.length > 2) shapes.push({ kind: "path", points, stroke: colour, width });
       points = [];
     };
     curve.value.forEach((value, i) => {
@@ -99,10 +118,11 @@ export class TimeChart {
   private readonly band = element("div", { class: "band", hidden: true });
   private lines: Line[] = [];
   private ink = INK.light;
+  private axes: Axes = { x: "", y: "", isShare: false };
   private chosen: Span | null = null;
   private dragFrom: number | null = null;
-  /** The time at the pointer (s); null: it is elsewhere. */
-  timeS: number | null = null;
+  /** Where the pointer is (px); null: elsewhere. */
+  private pointerX: number | null = null;
 
   constructor(private readonly moved: () => void) {
     this.root = element("div", { class: "chart-box" }, this.canvas, this.band, this.mark);
@@ -119,14 +139,23 @@ export class TimeChart {
     this.root.addEventListener("dblclick", () => {
       this.chosen = null;
       this.draw();
+      this.moved();
     });
   }
 
-  show(lines: Line[], label: string, ink: Ink): void {
+  show(lines: Line[], axes: Axes, ink: Ink): void {
     this.lines = lines;
     this.ink = ink;
-    this.canvas.setAttribute("aria-label", `${label} over simulated time of ${lines.map(({ name }) => name).join(", ")}`);
+    // A span of another time means nothing in this one.
+    if (axes.x !== this.axes.x) this.chosen = null;
+    this.axes = axes;
+    this.canvas.setAttribute("aria-label", `${axes.y} over ${axes.x} of ${lines.map(({ name }) => name).join(", ")}`);
     this.draw();
+  }
+
+  /** The time at the pointer, in the unit of the axis; null: it is elsewhere. */
+  get timeS(): number | null {
+    return this.pointerX === null || this.span === null ? null : this.timeAt(this.pointerX);
   }
 
   /** The part of the time that is shown. */
@@ -138,14 +167,15 @@ export class TimeChart {
   }
 
   private get frame(): Frame {
-    return { left: 52, right: this.root.clientWidth - 14, top: 8, bottom: this.root.clientHeight - 24 };
+    const { left, right, top, bottom } = AROUND;
+    return { left, right: this.root.clientWidth - right, top, bottom: this.root.clientHeight - bottom };
   }
 
   private draw(): void {
     const [width, height] = [this.root.clientWidth, this.root.clientHeight];
     if (width === 0 || height === 0) return;
     const context = sizedContext(this.canvas, width, height);
-    if (this.span !== null) paintShapes(context, chartShapes(this.lines, this.span, this.frame, this.ink));
+    if (this.span !== null) paintShapes(context, chartShapes(this.lines, this.axes, this.span, this.frame, this.ink));
   }
 
   private clampedX(event: PointerEvent): number {
@@ -162,7 +192,7 @@ export class TimeChart {
   private point(event: PointerEvent): void {
     if (this.span === null) return;
     const x = this.clampedX(event);
-    this.timeS = this.timeAt(x);
+    this.pointerX = x;
     this.mark.hidden = false;
     this.mark.style.left = `${x}px`;
     const from = event.pointerType === "mouse" ? this.dragFrom : null;
@@ -183,11 +213,13 @@ export class TimeChart {
     }
     this.dragFrom = null;
     this.band.hidden = true;
+    // The same place is another time now.
+    this.moved();
   }
 
   private leave(): void {
     this.dragFrom = null;
-    this.timeS = null;
+    this.pointerX = null;
     this.mark.hidden = true;
     this.band.hidden = true;
     this.moved();
