@@ -192,6 +192,8 @@ mod tests {
         assert_eq!(label("pdr"), "packet delivery ratio");
         assert_eq!(label("kpis.since_start.delivery.ratio"), "delivery ratio since the start");
         assert_eq!(label("task.wing_beat_hz"), "wing beat (Hz)");
+        let foreign = Name::of_figure("task.wing_beat_hz").explanation.unwrap();
+        assert_eq!(foreign, "A figure that the robot simulator reports by this name.");
         assert!(Name::of_figure("pdr").is_share);
         for figure in ["task.flock_speed_mps", "network.delivery_ratio", "kpis.formation.formed_s"]
         {
