@@ -238,9 +238,8 @@ mod tests {
     #[test]
     fn a_file_that_was_cut_is_damaged_and_not_large() {
         let whole = [&[0; 8][..], &4_u32.to_le_bytes(), b"PAR1"].concat();
-        let needed = |content: &[u8]| {
-            memory_of_description(&mut Cursor::new(content), content.len() as u64)
-        };
+        let needed =
+            |content: &[u8]| memory_of_description(&mut Cursor::new(content), content.len() as u64);
         assert_eq!(needed(&whole).unwrap(), 4 * DESCRIPTION);
         let cut = [&[0xff; 8][..], &whole[..8]].concat();
         assert!(needed(&cut).unwrap_err().to_string().contains("damaged or was cut"));
