@@ -26,9 +26,12 @@ static RESULTS: LazyLock<TempDir> = LazyLock::new(|| {
         + "[sweep]\nseeds = 2\nmetrics = [\"flock_speed\"]\n[[sweep.case]]\nname = \"near\"\nrobotsim.controller.flock_radius_m = 2.0\n\
            [[sweep.case]]\nname = \"far\"\nrobotsim.controller.flock_radius_m = 8.0\n[sweep.vary]\nnetsim.phy.radius_m = [3.0, 12.0]\n";
     std::fs::write(folder.path().join("cases.toml"), cases).unwrap();
-    for args in
-        [["run", "run.toml"], ["run", "wide.toml"], ["sweep", "sweep.toml"], ["sweep", "cases.toml"]]
-    {
+    for args in [
+        ["run", "run.toml"],
+        ["run", "wide.toml"],
+        ["sweep", "sweep.toml"],
+        ["sweep", "cases.toml"],
+    ] {
         let output = orchestrator(&args, folder.path());
         assert!(output.status.success(), "{}", said(&output));
     }
@@ -229,7 +232,10 @@ fn what_cannot_be_drawn_is_refused_with_what_can() {
             &["runs/run", "links", "--from", "99"],
             &["no frame that another robot heard", "the run reaches from 0 to 3.00 s"],
         ),
-        (&["runs/run", "speed", "--from", "2", "--until", "1"], &["--until 1: must be after --from 2"]),
+        (
+            &["runs/run", "speed", "--from", "2", "--until", "1"],
+            &["--until 1: must be after --from 2"],
+        ),
         (&["runs/run", "speed", "links"], &["has one KIND at a time", "\n  trajectories "]),
         (&["runs/run", "runs-wide", "speed"], &["\"runs-wide\" is neither a folder"]),
         (&["runs/run", "runs/absent", "speed"], &["runs/absent: does not exist"]),
@@ -238,7 +244,11 @@ fn what_cannot_be_drawn_is_refused_with_what_can() {
         (&["runs/run", "sped"], &["(nearest: speed)"]),
         (
             &["runs/sweep", "nosuchkind", "trajectories"],
-            &["flock_speed", "`murmuration metrics` lists all", "trajectories is a KIND of figures of a run"],
+            &[
+                "flock_speed",
+                "`murmuration metrics` lists all",
+                "trajectories is a KIND of figures of a run",
+            ],
         ),
         (
             &["runs/sweep", "flok_speed", "latency"],

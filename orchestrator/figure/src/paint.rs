@@ -37,7 +37,9 @@ const BELOW_ASPECT: f32 = 0.3;
 const BESIDE_ASPECT: f32 = 0.6;
 /// Height of a plane for each of its ticks, and fewest ticks.
 const PER_TICK: f32 = 20.0;
-const FEWEST_TICKS: f64 = 4.0;
+const FEWEST_TICKS: f64 = 5.0;
+/// Between a legend and the plane, on whose upper edge a value may stand.
+const HEAD: f32 = 7.0;
 /// Between an axis and what stands beside it.
 const SPACE: f32 = 4.0;
 /// Other programs' letters may be wider than ours.
@@ -60,6 +62,10 @@ pub fn drawing(figure: &Figure, width_mm: f32) -> Drawing {
         (_, 1) => BELOW_ASPECT,
         _ => BESIDE_ASPECT,
     };
+    let indent = if 1 < panels.len() { INDENT } else { 0.0 };
+    let is_one_x = panels.iter().all(|panel| !panel.is_map && is_same_x(&panel.x, &panels[0].x));
+    // Of panels beside each other, one label stands below all.
+    let has_wide_label = (2..=n_columns).contains(&panels.len()) && is_one_x;
     let mut top = EDGE;
     // One legend above all, if all are the same.
     let has_one_legend =
@@ -73,7 +79,7 @@ pub fn drawing(figure: &Figure, width_mm: f32) -> Drawing {
     for (row, in_row) in panels.chunks(n_columns).enumerate() {
         let heads = in_row.iter().map(|panel| match has_one_legend {
             true => 0.0,
-            false => painter.legend_height(panel, column),
+            false => painter.legend_height(panel, column - indent),
         });
         let letters = if 1 < panels.len() { SIZE + 1.0 } else { 0.0 };
         let head = heads.fold(letters, f32::max);
@@ -89,12 +95,18 @@ pub fn drawing(figure: &Figure, width_mm: f32) -> Drawing {
                 letter: (1 < panels.len())
                     .then(|| char::from(b'a' + u8::try_from(number).unwrap_or(0) % 26)),
                 has_legend: !has_one_legend,
+                has_label: !has_wide_label,
                 has_x: !columns[place].has_one_x || panels.len() <= number + n_columns,
                 column: &columns[place],
             };
             height = height.max(painter.panel(panel, &spot));
         }
         top += height + GAP;
+    }
+    if has_wide_label {
+        let centre = [width / 2.0, top - GAP + SIZE];
+        painter.fitted(centre, &panels[0].x.label, width, false);
+        top += SIZE + 3.0;
     }
     top += painter.note(&figure.note, [EDGE, top - GAP + SPACE, width - 2.0 * EDGE]);
     let size = [width, top - GAP + EDGE].map(|length| length.ceil().max(1.0) as u32);
@@ -144,7 +156,9 @@ struct Spot<'a> {
     plane_height: f32,
     letter: Option<char>,
     has_legend: bool,
+    /// Values stand below the plane, and not below another one; and so does the label of the axis.
     has_x: bool,
+    has_label: bool,
     column: &'a Column,
 }
 
@@ -219,7 +233,7 @@ impl Painter {
             let indent = if spot.letter.is_some() { INDENT } else { 0.0 };
             self.legend(panel, [left + indent, top, width - indent]);
         }
-        let y = top + spot.head + SPACE;
+        let y = top + spot.head + HEAD;
         let n_lines = spot.column.n_lines as f32;
         let plane_left = left + n_lines * SIZE + 5.0 + spot.column.label_room + SPACE;
         let right = left + width - 8.0;
@@ -231,7 +245,7 @@ impl Painter {
         };
         let bottom = y + plane_height;
         let frame = Frame { panel, x: x_axis, y: y_axis, edges: [plane_left, y, right, bottom] };
-        let below = self.axes(&frame, left, spot.has_x);
+        let below = self.axes(&frame, spot);
         self.marks(&frame);
         bottom + below - top
     }
@@ -280,9 +294,8 @@ impl Painter {
     }
 
     /// Draws both axes; returns the room that they take below the plane.
-    ///
-    /// * `has_x`: labels and values stand below the plane, and not below another one.
-    fn axes(&mut self, frame: &Frame<'_>, left: f32, has_x: bool) -> f32 {
+    fn axes(&mut self, frame: &Frame<'_>, spot: &Spot<'_>) -> f32 {
+        let Spot { left, has_x, .. } = *spot;
         let [plane_left, top, right, bottom] = frame.edges;
         let grid = self.theme.grid.with_opacity(0.12);
         let mut lines = PathBuilder::new();
@@ -319,7 +332,7 @@ impl Painter {
         if !has_x {
             return 0.0;
         }
-        if frame.x.label.is_empty() {
+        if frame.x.label.is_empty() || !spot.has_label {
             return below + 3.0;
         }
         let centre = [(plane_left + right) / 2.0, bottom + below + SIZE + 3.0];
@@ -375,7 +388,7 @@ impl Painter {
     /// The height of a legend.
     fn legend_height(&mut self, panel: &Panel, width: f32) -> f32 {
         let n_shapes = self.shapes.len();
-        let height = self.legend(panel, [0.0, 0.0, width - INDENT]);
+        let height = self.legend(panel, [0.0, 0.0, width]);
         self.shapes.truncate(n_shapes);
         height
     }

@@ -183,10 +183,10 @@ impl<'a> RunFolder<'a> {
         FigureError::Request(format!("{}: {what}", self.folder.path().display()))
     }
 
-    /// The figure lacks something in the span that was asked for: what, and which span the run has.
-    fn refused_span(&self, what: &str) -> FigureError {
+    /// The figure lacks something in the span that was asked for: what, and which span the run has; of a whole run, why it may be.
+    fn refused_span(&self, what: &str, why: &str) -> FigureError {
         if !self.is_part {
-            return self.refused(what);
+            return self.refused(&format!("{what}{why}"));
         }
         let started_s = started_s(self.summary);
         let started = if 0.0 < started_s {
@@ -244,8 +244,9 @@ impl<'a> RunFolder<'a> {
 
     /// The number of the leader, if the robots have one.
     fn leader(&self) -> Result<Option<u32>, FigureError> {
-        let robots = self.config()?.get("robotsim").map(toml::Value::to_string);
-        let task = robots.map(|robots| Task::from_config(&robots));
+        let config = self.config()?;
+        let robots = config.get("robotsim").and_then(toml::Value::as_table);
+        let task = robots.map(|robots| Task::from_config(&robots.to_string()));
         Ok(task.and_then(|task| u32::try_from(task.leader?).ok()))
     }
 

@@ -242,11 +242,15 @@ fn is_determined(factors: &[Factor], place: usize, by: &[usize]) -> bool {
 /// Most metrics that a refusal lists.
 const MOST_LISTED: usize = 12;
 
+fn has_no_short_name(column: &str) -> bool {
+    SHORT_NAMES.iter().all(|short| short.path != column)
+}
+
 /// Metrics of the trials in a list: those with a short name first, by which people ask for them.
 fn named(figures: &[String]) -> String {
-    let short = |column: &String| SHORT_NAMES.iter().find(|short| short.path == column.as_str());
-    let mut names: Vec<&str> = figures.iter().filter_map(short).map(|short| short.name).collect();
-    names.extend(figures.iter().filter(|column| short(column).is_none()).map(String::as_str));
+    let short = SHORT_NAMES.iter().filter(|short| figures.iter().any(|own| own == short.path));
+    let mut names: Vec<&str> = short.map(|short| short.name).collect();
+    names.extend(figures.iter().filter(|own| has_no_short_name(own)).map(String::as_str));
     names.truncate(MOST_LISTED);
     names.join(", ")
 }

@@ -118,7 +118,13 @@ impl Painter {
     fn line(&mut self, frame: &Frame<'_>, series: &Series) {
         let is_many = MANY_POINTS < series.points.len();
         let colour = self.colour(series.group);
-        let (width, opacity) = if is_many { (0.6, 0.6) } else { (1.2, 1.0) };
+        // A line without a group is a level to compare with, or an edge.
+        let (width, opacity) = match () {
+            () if is_many => (0.6, 0.6),
+            () if series.group.is_none() => (0.7, 1.0),
+            () if DENSE_POINTS < series.points.len() => (0.9, 1.0),
+            () => (1.2, 1.0),
+        };
         self.stroke(
             Self::path(frame, &series.points),
             colour.with_opacity(opacity),

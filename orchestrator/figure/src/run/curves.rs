@@ -2,6 +2,7 @@
 
 use super::RunFolder;
 use crate::content::{Axis, DrawnRun, Figure, Mark, Panel, Point, SCHEMA, Scale, Series};
+use numbers::format::capitalised;
 use numbers::statistics::range;
 
 /// From this ratio of the greatest to the least value on, an axis that may be logarithmic is.
@@ -44,7 +45,7 @@ pub(crate) struct Curve {
 
 /// The figure of one run.
 pub(super) fn of_one(run: &RunFolder<'_>, curves: &Curves) -> Figure {
-    let caption = format!("{} {}.", curves.explains, curves.numbers);
+    let caption = format!("{} {}.", curves.explains, capitalised(&curves.numbers));
     let title = format!("{}: {}", run.name(), curves.what);
     let note = curves.note.to_owned();
     let series = (0..).zip(&curves.curves).map(|(group, curve)| Series {
@@ -83,7 +84,10 @@ pub(super) fn of_several(runs: &[DrawnRun], of_each: &[Curves]) -> Figure {
     let numbers: Vec<String> = runs
         .iter()
         .zip(of_each)
-        .map(|(run, curves)| format!("{}: {}", run.name, curves.numbers))
+        .map(|(run, curves)| {
+            let folder = run.name.split_once(": ").map_or(run.name.as_str(), |(folder, _)| folder);
+            format!("{folder}: {}", curves.numbers)
+        })
         .collect();
     Figure {
         schema: SCHEMA,

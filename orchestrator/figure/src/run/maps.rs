@@ -48,7 +48,7 @@ pub(super) fn trajectories(run: &RunFolder<'_>) -> Result<Figure, FigureError> {
     }
     let n = paths.len();
     if n == 0 {
-        return Err(run.refused_span("steps.parquet has no step"));
+        return Err(run.refused_span("steps.parquet has no step", ""));
     }
     let stride = n.div_ceil(MOST_PATHS);
     let mut series = run.site()?;
@@ -139,8 +139,8 @@ pub(super) fn links(run: &RunFolder<'_>) -> Result<Figure, FigureError> {
         .collect();
     if arrows.is_empty() {
         return Err(run.refused_span(
-            "links.parquet has no frame that another robot heard: it has payloads of robots, which a network without \
-             robots' messages does not send",
+            "links.parquet has no frame that another robot heard",
+            ": it has messages between robots, and these robots sent none",
         ));
     }
     shares.sort_by(f64::total_cmp);
@@ -207,7 +207,8 @@ pub(super) fn network(run: &RunFolder<'_>) -> Result<Figure, FigureError> {
     }
     if lines.is_empty() {
         return Err(run.refused_span(
-            "motes.parquet has no mote with a parent: a network without routes, such as one of broadcasts, has none",
+            "motes.parquet has no mote with a parent",
+            ": a network without routes, such as one of broadcasts, has none",
         ));
     }
     let caption = format!(

@@ -50,7 +50,7 @@ fn sums(run: &RunFolder<'_>) -> Result<BTreeMap<u64, Sums>, FigureError> {
         sums.heard.push(n_heard);
     })?;
     if by_time.is_empty() {
-        return Err(run.refused_span("steps.parquet has no step with a robot"));
+        return Err(run.refused_span("steps.parquet has no step with a robot", ""));
     }
     for sums in by_time.values_mut() {
         sums.heard.sort_by(f64::total_cmp);
@@ -237,7 +237,7 @@ pub(super) fn latency(run: &RunFolder<'_>) -> Result<Curves, FigureError> {
         Ok::<(), FigureError>(())
     })?;
     if by_kind.is_empty() {
-        return Err(run.refused_span("packets.parquet has no packet that was delivered"));
+        return Err(run.refused_span("packets.parquet has no packet that was delivered", ""));
     }
     let mut medians = Vec::new();
     let mut curves = Vec::new();
