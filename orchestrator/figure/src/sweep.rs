@@ -243,12 +243,13 @@ fn is_determined(factors: &[Factor], place: usize, by: &[usize]) -> bool {
 const MOST_LISTED: usize = 12;
 
 fn has_no_short_name(column: &str) -> bool {
-    SHORT_NAMES.iter().all(|short| short.path != column)
+    SHORT_NAMES.iter().all(|short| short.path != path_of(column))
 }
 
 /// Metrics of the trials in a list: those with a short name first, by which people ask for them.
 fn named(figures: &[String]) -> String {
-    let short = SHORT_NAMES.iter().filter(|short| figures.iter().any(|own| own == short.path));
+    let short =
+        SHORT_NAMES.iter().filter(|short| figures.iter().any(|own| path_of(own) == short.path));
     let mut names: Vec<&str> = short.map(|short| short.name).collect();
     names.extend(figures.iter().filter(|own| has_no_short_name(own)).map(String::as_str));
     names.truncate(MOST_LISTED);

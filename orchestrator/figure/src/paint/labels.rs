@@ -15,6 +15,8 @@ const HEIGHT: f32 = 0.72 * SIZE;
 const DISTANCES: [f32; 5] = [1.0, 3.5, 7.0, 12.0, 18.0];
 /// From this distance on a line leads to it.
 const LED: f32 = 3.0;
+/// Dots that are nearer than this to each other stand in a crowd.
+const CROWD: f32 = 8.0;
 /// Directions in which a name may stand, in the order in which people look for it.
 const DIRECTIONS: [[f32; 2]; 8] = [
     [0.7, -0.7],
@@ -43,10 +45,15 @@ impl Painter {
             .flat_map(|series| &series.points)
             .filter_map(|point| Some((point.name.as_str(), frame.at(point.x, point.y?))))
             .collect();
-        let named = dots.iter().filter(|(name, _)| !name.is_empty());
-        if MOST_NAMES < named.clone().count() {
+        let mut named: Vec<&(&str, [f32; 2])> =
+            dots.iter().filter(|(name, _)| !name.is_empty()).collect();
+        if MOST_NAMES < named.len() {
             return;
         }
+        // Names of dots that stand alone come first: those in a crowd need a line in any case.
+        named.sort_by_key(|(_, at)| {
+            dots.iter().filter(|(_, dot)| (dot[0] - at[0]).hypot(dot[1] - at[1]) < CROWD).count()
+        });
         let lines = lines(frame);
         let mut taken: Vec<Area> = Vec::new();
         for (name, at) in named {
