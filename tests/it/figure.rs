@@ -244,11 +244,7 @@ fn what_cannot_be_drawn_is_refused_with_what_can() {
         (&["runs/run", "sped"], &["(nearest: speed)"]),
         (
             &["runs/sweep", "nosuchkind", "trajectories"],
-            &[
-                "flock_speed",
-                "`murmuration metrics` lists all",
-                "trajectories is a KIND of figures of a run",
-            ],
+            &["flock_speed", "`murmuration metrics` lists all", "but a KIND of figures of a run"],
         ),
         (
             &["runs/sweep", "flok_speed", "latency"],

@@ -284,7 +284,7 @@ fn metrics_of(
         match figures.iter().find(|column| path_of(column) == path_of(&name)) {
             Some(column) => found.push(column.clone()),
             None if is_kind_of_run(&name) => problems.push(format!(
-                "{name} is a KIND of figures of a run, and this is a sweep; give the folder of a run, or metrics of the trials"
+"{name} is no metric of its trials, but a KIND of figures of a run; give the folder of a run"
             )),
             None => {
                 let nearest = most_similar(&name, figures.iter().map(String::as_str))

@@ -14,6 +14,8 @@ use std::path::Path;
 
 /// More runs cannot be told apart in a figure.
 const MOST_RUNS: usize = 8;
+/// The key of the seed.
+const SEED: &str = "experiment.seed";
 /// Most keys in the name of a run: the caption has those of all.
 const MOST_KEYS: usize = 3;
 
@@ -75,7 +77,7 @@ fn drawn(results: &[(ResultFolder, Value)]) -> Result<(Vec<DrawnRun>, String), F
     // Keys that all runs have say more than those that come with another choice, and the seed says least.
     keys.sort_by_key(|key| {
         let n_absent = values.iter().filter(|of_run| !of_run.contains_key(*key)).count();
-        (*key == "experiment.seed", n_absent)
+        (*key == SEED, n_absent)
     });
     let catalogue = Catalogue::of_program();
     let paths: Vec<&Path> = results.iter().map(|(folder, _)| folder.path()).collect();
@@ -88,6 +90,9 @@ fn drawn(results: &[(ResultFolder, Value)]) -> Result<(Vec<DrawnRun>, String), F
             toml::Value::Float(number) => shortest(*number),
             other => other.to_string(),
         };
+        if key == SEED {
+            return Some(format!("seed {value}"));
+        }
         let unit = name.unit.map(|unit| format!(" {unit}")).unwrap_or_default();
         Some(format!("{} {value}{unit}", name.words))
     };
