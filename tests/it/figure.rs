@@ -14,6 +14,11 @@ static RESULTS: LazyLock<TempDir> = LazyLock::new(|| {
         [[site.wall]]\nfrom_m = [0.0, 5.0]\nto_m = [10.0, 5.0]\n\
         [netsim.phy]\npropagation = \"unit-disk\"\nradius_m = 12.0\n";
     std::fs::write(folder.path().join("run.toml"), common.replace("NAME", "run")).unwrap();
+    let wide = common
+        .replace("NAME", "wide")
+        .replace("seed = 1", "seed = 2")
+        .replace("flock_radius_m = 5.0", "flock_radius_m = 8.0");
+    std::fs::write(folder.path().join("wide.toml"), wide).unwrap();
     let sweep = common.replace("NAME", "sweep")
         + "[sweep]\nseeds = 6\nmetrics = [\"task.flock_speed_mps\"]\n[sweep.vary]\nnetsim.phy.radius_m = [3.0, 12.0]\nexperiment.agents = [4, 6]\n";
     std::fs::write(folder.path().join("sweep.toml"), sweep).unwrap();
@@ -21,7 +26,12 @@ static RESULTS: LazyLock<TempDir> = LazyLock::new(|| {
         + "[sweep]\nseeds = 2\nmetrics = [\"flock_speed\"]\n[[sweep.case]]\nname = \"near\"\nrobotsim.controller.flock_radius_m = 2.0\n\
            [[sweep.case]]\nname = \"far\"\nrobotsim.controller.flock_radius_m = 8.0\n[sweep.vary]\nnetsim.phy.radius_m = [3.0, 12.0]\n";
     std::fs::write(folder.path().join("cases.toml"), cases).unwrap();
-    for args in [["run", "run.toml"], ["sweep", "sweep.toml"], ["sweep", "cases.toml"]] {
+    for args in [
+        ["run", "run.toml"],
+        ["run", "wide.toml"],
+        ["sweep", "sweep.toml"],
+        ["sweep", "cases.toml"],
+    ] {
         let output = orchestrator(&args, folder.path());
         assert!(output.status.success(), "{}", said(&output));
     }
@@ -115,6 +125,52 @@ fn what_a_case_sets_is_told_apart_by_the_case() {
 }
 
 #[test]
+fn runs_over_each_other_are_named_by_what_differs_in_them() {
+    let to = folder();
+    let both = figure(&["runs/run", "runs/wide", "flock_speed"], to.path());
+    let series = both["panels"][0]["series"].as_array().unwrap();
+    let names: Vec<&str> = series.iter().map(|one| one["name"].as_str().unwrap()).collect();
+    assert_eq!(names, ["run: flock radius 5 m, seed 1", "wide: flock radius 8 m, seed 2"]);
+    for (place, run) in ["runs/run", "runs/wide"].into_iter().enumerate() {
+        let alone = figure(&[run, "flock_speed"], to.path());
+        assert_eq!(series[place]["points"], alone["panels"][0]["series"][0]["points"], "{run}");
+        assert_eq!(series[place]["group"], place);
+        assert_eq!(both["runs"][place]["path"], run);
+    }
+    let differs = both["runs"][1]["differs"].as_object().unwrap();
+    assert_eq!(differs["robotsim.controller.flock_radius_m"], "8.0");
+    assert_eq!(differs.len(), 2, "{differs:?}");
+    let caption = both["caption"].as_str().unwrap();
+    assert!(caption.contains("differ in robotsim.controller.flock_radius_m, experiment.seed."));
+    // Two quantities are two panels, each with a curve of each run.
+    let speed = figure(&["runs/run", "runs/wide", "speed"], to.path());
+    let panels = speed["panels"].as_array().unwrap();
+    let labels: Vec<&str> = panels.iter().map(|it| it["y"]["label"].as_str().unwrap()).collect();
+    assert_eq!(labels, ["flock speed (m/s)", "mean speed (m/s)"]);
+    assert!(panels.iter().all(|panel| panel["series"].as_array().unwrap().len() == 2));
+}
+
+#[test]
+fn the_table_of_a_sweep_says_what_is_a_trial_and_of_which_seed() {
+    let to = folder();
+    let file = to.path().join("sweep.csv");
+    let args = ["figure", "runs/sweep", "--output", file.to_str().unwrap()];
+    assert!(orchestrator(&args, RESULTS.path()).status.success());
+    let text = std::fs::read_to_string(file).unwrap();
+    let mut rows = text.lines().map(|line| line.split(',').collect::<Vec<_>>());
+    let header = rows.next().unwrap();
+    let column = |name: &str| header.iter().position(|own| *own == name).unwrap();
+    assert!(!header.contains(&"end_x"), "{header:?}");
+    let (statistic, seed) = (column("statistic"), column("seed"));
+    let rows: Vec<_> = rows.collect();
+    let of = |what: &str| rows.iter().filter(|row| row[statistic] == what).collect::<Vec<_>>();
+    assert_eq!((of("median").len(), of("trial").len()), (4, 24));
+    let mut seeds: Vec<&str> = of("trial")[..6].iter().map(|row| row[seed]).collect();
+    seeds.dedup();
+    assert_eq!(seeds.len(), 6, "{seeds:?}");
+}
+
+#[test]
 fn who_heard_whom_is_counted_in_the_tables() {
     let to = folder();
     let figure = figure(&["runs/run", "links"], to.path());
@@ -136,7 +192,7 @@ fn who_heard_whom_is_counted_in_the_tables() {
 #[test]
 fn every_kind_is_written_in_every_format_and_twice_the_same() {
     let to = folder();
-    let kinds = ["trajectories", "links", "speed", "neighbours", "delivery"];
+    let kinds = ["trajectories", "links", "speed", "flock_speed", "neighbours", "delivery"];
     let results =
         kinds.map(|kind| ("runs/run", kind)).into_iter().chain([("runs/sweep", "flock_speed")]);
     for (result, kind) in results {
@@ -155,7 +211,7 @@ fn every_kind_is_written_in_every_format_and_twice_the_same() {
                 "pdf" => &b"%PDF-1.7"[..],
                 "svg" => b"<svg",
                 "png" => b"\x89PNG",
-                _ => b"panel,series,x_label,x,y_label,y,",
+                _ => b"panel,series,x_label,x,y_label,y",
             };
             assert!(bytes.starts_with(begins) && 300 < bytes.len(), "{kind}.{ending}");
         }
@@ -172,7 +228,24 @@ fn what_cannot_be_drawn_is_refused_with_what_can() {
             &["latency needs packets.parquet", "there are:\n  trajectories"],
         ),
         (&["runs/run", "links", "--x", "experiment.agents"], &["--x: is for sweeps"]),
-        (&["runs/run", "links", "--from", "99"], &["nobody heard anybody"]),
+        (
+            &["runs/run", "links", "--from", "99"],
+            &["no frame that another robot heard", "the run reaches from 0 to 3.00 s"],
+        ),
+        (
+            &["runs/run", "speed", "--from", "2", "--until", "1"],
+            &["--until 1: must be after --from 2"],
+        ),
+        (&["runs/run", "speed", "links"], &["has one KIND at a time", "\n  trajectories "]),
+        (&["runs/run", "runs-wide", "speed"], &["\"runs-wide\" is neither a folder"]),
+        (&["runs/run", "runs/absent", "speed"], &["runs/absent: does not exist"]),
+        (&["runs/run", "runs/wide", "links"], &["links is a map of one run"]),
+        (&["runs/run", "runs/sweep", "speed"], &["runs/sweep: is a sweep"]),
+        (&["runs/run", "sped"], &["(nearest: speed)"]),
+        (
+            &["runs/sweep", "nosuchkind", "trajectories"],
+            &["flock_speed", "`murmuration metrics` lists all", "but a KIND of figures of a run"],
+        ),
         (
             &["runs/sweep", "flok_speed", "latency"],
             &["flok_speed is no metric", "nearest: ", "latency is no metric"],

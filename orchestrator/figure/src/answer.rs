@@ -1,13 +1,14 @@
 //! Figures of an answer as JSON. To add one, write a function like those below and name it in the list of its schema.
 
 use crate::content::{Axis, Figure, Mark, Panel, Point, SCHEMA, Series};
-use crate::{FigureError, Kind, Request, kind};
+use crate::{FigureError, Kind, Request, Wanted, kind};
 use metrics::distances::DistanceBin;
 use numbers::format::{number, percent};
 use numbers::quantity;
 use numbers::statistics::range;
 use serde_json::Value;
 use std::path::Path;
+use study::{CURVE, FINE, LOSS_CURVE};
 
 type Draw = fn(&Value) -> Result<Figure, String>;
 
@@ -56,7 +57,12 @@ pub(crate) fn figure(
             )));
         }
     };
-    let kind = kind(path, kinds, request, |_| true)?;
+    let wanted = Wanted {
+        what: path.display().to_string(),
+        has: &|_| true,
+        can_draw: &|kind: &Kind<Draw>| (kind.draw)(answer).is_ok(),
+    };
+    let kind = kind(&wanted, kinds, request)?;
     (kind.draw)(answer).map_err(refused)
 }
 
@@ -113,6 +119,26 @@ fn ladder(answer: &Value) -> Result<Figure, String> {
     Ok(Figure::of_panel("Error, effect by effect", caption.trim(), panel))
 }
 
+/// A line at 0 over an axis.
+fn zero(range: [f64; 2]) -> Series {
+    let points = range.map(|x| Point::of(x, 0.0)).into();
+    Series { name: String::new(), mark: Mark::Line, group: None, points }
+}
+
+/// What a candidate is called: a curve by its covariate, an effect by its name.
+fn candidate_words(effect: &str) -> String {
+    let (rest, fine) = match effect.strip_prefix(FINE) {
+        Some(rest) => (rest, "fine "),
+        None => (effect, ""),
+    };
+    let curves = [(LOSS_CURVE, "loss curve"), (CURVE, "curve")];
+    let curve = curves.iter().find_map(|(prefix, words)| Some((rest.strip_prefix(prefix)?, words)));
+    match curve {
+        Some((covariate, words)) => format!("{fine}{words} over {}", quantity::words(covariate)),
+        None => effect.to_owned(),
+    }
+}
+
 /// Most candidates in a figure.
 const MOST_CANDIDATES: usize = 10;
 /// The 97.5 % quantile of the normal distribution.
@@ -155,8 +181,9 @@ fn gains(answer: &Value) -> Result<Figure, String> {
             points: points.collect(),
         }
     });
+    let own = series.into_iter().filter(|series| !series.points.is_empty());
     let series: Vec<Series> =
-        series.into_iter().filter(|series| !series.points.is_empty()).collect();
+        [zero([-0.5, tested.len() as f64 - 0.5])].into_iter().chain(own).collect();
     let points = series.iter().flat_map(|series| &series.points);
     let [low, high] =
         range(points.flat_map(|point| [point.low, point.high]).flatten().chain([0.0]));
@@ -170,14 +197,15 @@ fn gains(answer: &Value) -> Result<Figure, String> {
     let panel = Panel {
         x: Axis::of_categories(
             "",
-            tested.iter().map(|(effect, ..)| (*effect).to_owned()).collect(),
+            tested.iter().map(|(effect, ..)| candidate_words(effect)).collect(),
         ),
         y: Axis::linear("gain (nats per row)", [low - margin, high + margin]),
         is_map: false,
         series,
         colour: None,
     };
-    Ok(Figure::of_panel("Gain of each candidate", caption.trim(), panel))
+    let figure = Figure::of_panel("Gain of each candidate", caption.trim(), panel);
+    Ok(Figure { note: "Dots: gain; bars: 95 % interval over blocks.".to_owned(), ..figure })
 }
 
 /// Most covariates, a panel each.
@@ -192,7 +220,18 @@ fn errors(answer: &Value) -> Result<Figure, String> {
             .iter()
             .filter_map(|bin| {
                 let middle = (bin["from"].as_f64()? + bin["to"].as_f64()?) / 2.0;
-                Some(Point { n: bin["n"].as_u64(), ..Point::of(middle, bin["bias"].as_f64()?) })
+                let (n, bias) = (bin["n"].as_u64()?, bin["bias"].as_f64()?);
+                let mean_square = bin["rmse"].as_f64()? * bin["rmse"].as_f64()?;
+                let variance = (mean_square - bias * bias).max(0.0);
+                let half = Z * libm::sqrt(variance / n.saturating_sub(1) as f64);
+                let ends = (1 < n).then_some([bias - half, bias + half]);
+                Some(Point {
+                    low: ends.map(|ends| ends[0]),
+                    high: ends.map(|ends| ends[1]),
+                    interval: ends.map(|_| "normal 95 %"),
+                    n: Some(n),
+                    ..Point::of(middle, bias)
+                })
             })
             .collect();
         if bins.len() < 2 || panels.len() == MOST_COVARIATES {
@@ -200,7 +239,10 @@ fn errors(answer: &Value) -> Result<Figure, String> {
         }
         let name = text(place, "covariate");
         let x = range(bins.iter().map(|point| point.x));
-        let [low, high] = range(bins.iter().filter_map(|point| point.y).chain([0.0]));
+        let x_margin = 0.04 * (x[1] - x[0]);
+        let x = [x[0] - x_margin, x[1] + x_margin];
+        let values = bins.iter().flat_map(|point| [point.y, point.low, point.high]).flatten();
+        let [low, high] = range(values.chain([0.0]));
         let margin = 0.08 * (high - low);
         if let Some(explained) = place["explained"].as_f64() {
             words.push(format!("{} explains {}", quantity::words(name), percent(explained)));
@@ -212,12 +254,10 @@ fn errors(answer: &Value) -> Result<Figure, String> {
                 [low - margin, high + margin],
             ),
             is_map: false,
-            series: vec![Series {
-                name: String::new(),
-                mark: Mark::Interval,
-                group: Some(0),
-                points: bins,
-            }],
+            series: vec![
+                zero(x),
+                Series { name: String::new(), mark: Mark::Interval, group: Some(0), points: bins },
+            ],
             colour: None,
         });
     }
@@ -225,10 +265,18 @@ fn errors(answer: &Value) -> Result<Figure, String> {
         return Err("has no covariate with bins".to_owned());
     }
     let caption = format!(
-        "Mean error in bins of a covariate with about as many rows each. Of the variance of the error, {}.",
+        "Mean error in bins of a covariate with about as many rows each, with 95 % intervals that take rows for independent \
+         (normal). Of the variance of the error, {}.",
         words.join(", ")
     );
-    Ok(Figure { schema: SCHEMA, title: "Error over covariates".to_owned(), caption, panels })
+    Ok(Figure {
+        schema: SCHEMA,
+        title: "Error over covariates".to_owned(),
+        caption,
+        note: "Dots: mean error; bars: 95 % interval of the mean.".to_owned(),
+        runs: Vec::new(),
+        panels,
+    })
 }
 
 fn power(answer: &Value) -> Result<Figure, String> {

@@ -2,6 +2,7 @@
 
 use schemars::JsonSchema;
 use serde::Serialize;
+use std::collections::BTreeMap;
 
 /// What the schema of a figure is called.
 pub const SCHEMA: &str = "figure/1";
@@ -16,8 +17,25 @@ pub struct Figure {
     pub title: String,
     /// What it shows, with medians, intervals and numbers of trials, for the text below it.
     pub caption: String,
+    /// What its marks are, in a line below the panels; empty where they need no words.
+    pub note: String,
+    /// The runs that are drawn over each other; empty of one run, and of anything else.
+    pub runs: Vec<DrawnRun>,
     /// Its panels, from left to right and from top to bottom.
     pub panels: Vec<Panel>,
+}
+
+/// A run of a figure of several.
+#[derive(Clone, Debug, Serialize, JsonSchema)]
+pub struct DrawnRun {
+    /// What its curves are called: its folder, and the keys of the configuration in which the runs differ.
+    pub name: String,
+    /// Its folder, as it was given.
+    pub path: String,
+    /// When its robots started (simulated seconds).
+    pub robots_started_s: f64,
+    /// Values of the keys of the configuration in which the runs differ; null where the run lacks the key.
+    pub differs: BTreeMap<String, Option<String>>,
 }
 
 /// A plane with axes.
@@ -118,6 +136,12 @@ pub struct Point {
     /// Of how many trials or frames.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub n: Option<u64>,
+    /// What `y` is of several values: `median`, `trial` of one of them, `share of trials`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub statistic: Option<&'static str>,
+    /// The seed of the trial.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub seed: Option<u64>,
     /// Where a segment or an arrow ends.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub end: Option<[f64; 2]>,
@@ -176,6 +200,13 @@ impl Figure {
     /// A figure of one panel.
     #[must_use]
     pub fn of_panel(title: impl Into<String>, caption: impl Into<String>, panel: Panel) -> Self {
-        Self { schema: SCHEMA, title: title.into(), caption: caption.into(), panels: vec![panel] }
+        Self {
+            schema: SCHEMA,
+            title: title.into(),
+            caption: caption.into(),
+            note: String::new(),
+            runs: Vec::new(),
+            panels: vec![panel],
+        }
     }
 }

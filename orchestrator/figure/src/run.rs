@@ -1,18 +1,33 @@
 //! Figures of a run. To add one, write a function like those below and name it in `KINDS`.
 
+mod curves;
 mod maps;
 mod series;
+mod several;
 
 use crate::content::{Axis, Figure, Mark, Point, Series};
-use crate::{FigureError, Kind, Request, kind};
+use crate::{FigureError, Kind, Request, Wanted, kind};
+use curves::Curves;
 use input::result::{ResultError, ResultFolder};
+use metrics::Task;
+use numbers::format::number as in_words;
 use numbers::statistics::range;
 use parquet::record::Field;
 use proto::bounds::DESCRIPTION_BYTES;
 use serde_json::Value;
+pub(crate) use several::figure as figure_of_several;
 use std::collections::BTreeMap;
 
-type Draw = fn(&RunFolder<'_>) -> Result<Figure, FigureError>;
+/// What draws a kind of figures.
+#[derive(Clone, Copy)]
+pub(crate) enum Draw {
+    /// A map of one run.
+    Map(fn(&RunFolder<'_>) -> Result<Figure, FigureError>),
+    /// Curves, which several runs have over each other. Those over time begin where the robots start.
+    OverTime(fn(&RunFolder<'_>) -> Result<Curves, FigureError>),
+    /// Curves over something else.
+    Curves(fn(&RunFolder<'_>) -> Result<Curves, FigureError>),
+}
 
 /// All kinds.
 pub(crate) const KINDS: &[Kind<Draw>] = &[
@@ -20,43 +35,49 @@ pub(crate) const KINDS: &[Kind<Draw>] = &[
         name: "trajectories",
         shows: "where the robots went, from above",
         file: "steps.parquet",
-        draw: maps::trajectories,
+        draw: Draw::Map(maps::trajectories),
     },
     Kind {
         name: "links",
         shows: "who heard whom, and how many of the frames",
         file: "links.parquet",
-        draw: maps::links,
+        draw: Draw::Map(maps::links),
     },
     Kind {
         name: "network",
         shows: "the parent of each mote at the end",
         file: "motes.parquet",
-        draw: maps::network,
+        draw: Draw::Map(maps::network),
     },
     Kind {
         name: "speed",
-        shows: "speed of the flock and of its robots over time",
+        shows: "flock speed, and mean speed of the robots, over time",
         file: "steps.parquet",
-        draw: series::speed,
+        draw: Draw::OverTime(series::speed),
+    },
+    Kind {
+        name: "flock_speed",
+        shows: "flock speed over time",
+        file: "steps.parquet",
+        draw: Draw::OverTime(series::flock_speed),
     },
     Kind {
         name: "neighbours",
         shows: "how many others each robot hears over time",
         file: "steps.parquet",
-        draw: series::neighbours,
+        draw: Draw::OverTime(series::neighbours),
     },
     Kind {
         name: "delivery",
         shows: "delivery ratio over distance",
         file: "summary.json",
-        draw: series::delivery,
+        draw: Draw::Curves(series::delivery),
     },
     Kind {
         name: "latency",
         shows: "latency of delivered packets, cumulative",
         file: "packets.parquet",
-        draw: series::latency,
+        draw: Draw::Curves(series::latency),
     },
 ];
 
@@ -66,6 +87,10 @@ pub(crate) struct RunFolder<'a> {
     summary: &'a Value,
     /// From where to where in simulated time (ns).
     span_ns: [u64; 2],
+    /// A part of the run was asked for.
+    is_part: bool,
+    /// Times on the axis count from when the robots started.
+    is_since_start: bool,
 }
 
 /// A figure of a run.
@@ -74,33 +99,105 @@ pub(crate) fn figure(
     summary: &Value,
     request: &Request,
 ) -> Result<Figure, FigureError> {
-    let kind = kind(folder.path(), KINDS, request, |file| folder.has(file))?;
-    let nanoseconds = |time_s: f64| (1e9 * time_s.max(0.0)).round() as u64;
-    let span_ns =
-        [request.from_s.map_or(0, nanoseconds), request.until_s.map_or(u64::MAX, nanoseconds)];
-    (kind.draw)(&RunFolder { folder, summary, span_ns })
+    let draw = |kind: &Kind<Draw>| {
+        let run = RunFolder::new(folder, summary, request, kind.draw, false);
+        match kind.draw {
+            Draw::Map(draw) => draw(&run),
+            Draw::OverTime(draw) | Draw::Curves(draw) => Ok(curves::of_one(&run, &draw(&run)?)),
+        }
+    };
+    let wanted = Wanted {
+        what: folder.path().display().to_string(),
+        has: &|file| folder.has(file),
+        // A damaged table is listed, so that whoever asks for the kind learns of it.
+        can_draw: &|kind| !matches!(draw(kind), Err(FigureError::Request(_))),
+    };
+    draw(kind(&wanted, KINDS, request)?)
 }
 
 /// Most points of a line: more are not seen.
 const MOST_POINTS: u64 = 600;
 
-impl RunFolder<'_> {
+const NANOSECONDS: f64 = 1e9;
+
+impl<'a> RunFolder<'a> {
+    /// * `is_since_start`: times, those of the request as well, count from when the robots started.
+    fn new(
+        folder: &'a ResultFolder,
+        summary: &'a Value,
+        request: &Request,
+        draw: Draw,
+        is_since_start: bool,
+    ) -> Self {
+        let started_s = started_s(summary);
+        let zero_s = if is_since_start { started_s } else { 0.0 };
+        let nanoseconds = |time_s: f64| (NANOSECONDS * time_s.max(0.0)).round() as u64;
+        let from_s = match request.from_s {
+            Some(from_s) => zero_s + from_s,
+            // Before, robots stand and wait for the network.
+            None if matches!(draw, Draw::OverTime(_)) => started_s,
+            None => 0.0,
+        };
+        let until_ns = request.until_s.map_or(u64::MAX, |until_s| nanoseconds(zero_s + until_s));
+        Self {
+            folder,
+            summary,
+            span_ns: [nanoseconds(from_s), until_ns],
+            is_part: request.from_s.is_some() || request.until_s.is_some(),
+            is_since_start,
+        }
+    }
+
     fn name(&self) -> &str {
         self.summary["name"].as_str().unwrap_or_default()
     }
 
-    /// Every so many steps is drawn.
+    /// When the run ended (simulated seconds).
+    fn end_s(&self) -> f64 {
+        self.summary["simulated_s"].as_f64().unwrap_or(0.0)
+    }
+
+    /// Every so many steps is drawn: so many that the span has enough points.
     fn every(&self) -> u64 {
-        self.summary["steps"].as_u64().unwrap_or(0).div_ceil(MOST_POINTS).max(1)
+        let end_s = self.end_s();
+        let [from_s, until_s] = self.span_ns.map(|time_ns| time_ns as f64 / NANOSECONDS);
+        let part = if 0.0 < end_s { (until_s.min(end_s) - from_s).max(0.0) / end_s } else { 1.0 };
+        let steps = self.summary["steps"].as_u64().unwrap_or(0);
+        ((steps as f64 * part).ceil() as u64).div_ceil(MOST_POINTS).max(1)
     }
 
     fn is_within(&self, time_ns: u64) -> bool {
         (self.span_ns[0]..=self.span_ns[1]).contains(&time_ns)
     }
 
+    /// Where a time is on an axis of time (s).
+    fn axis_s(&self, time_ns: u64) -> f64 {
+        let zero_s = if self.is_since_start { started_s(self.summary) } else { 0.0 };
+        // Without what is left of the difference of two numbers that are not decimal.
+        let time_s = time_ns as f64 / NANOSECONDS - zero_s;
+        (time_s * NANOSECONDS).round() / NANOSECONDS
+    }
+
     /// The figure lacks something: what.
     fn refused(&self, what: &str) -> FigureError {
         FigureError::Request(format!("{}: {what}", self.folder.path().display()))
+    }
+
+    /// The figure lacks something in the span that was asked for: what, and which span the run has; of a whole run, why it may be.
+    fn refused_span(&self, what: &str, why: &str) -> FigureError {
+        if !self.is_part {
+            return self.refused(&format!("{what}{why}"));
+        }
+        let started_s = started_s(self.summary);
+        let started = if 0.0 < started_s {
+            format!(", and its robots started at {} s", in_words(started_s))
+        } else {
+            String::new()
+        };
+        let end = in_words(self.end_s());
+        self.refused(&format!(
+            "{what} in that span of time; the run reaches from 0 to {end} s{started}"
+        ))
     }
 
     /// Gives the numbers of some columns of each row of a table to `visit`; of a null NaN.
@@ -140,10 +237,22 @@ impl RunFolder<'_> {
         Ok(last.1)
     }
 
+    fn config(&self) -> Result<toml::Table, FigureError> {
+        let text = self.folder.text(&DESCRIPTION_BYTES, "config.toml")?;
+        Ok(text.parse().unwrap_or_default())
+    }
+
+    /// The number of the leader, if the robots have one.
+    fn leader(&self) -> Result<Option<u32>, FigureError> {
+        let config = self.config()?;
+        let robots = config.get("robotsim").and_then(toml::Value::as_table);
+        let task = robots.map(|robots| Task::from_config(&robots.to_string()));
+        Ok(task.and_then(|task| u32::try_from(task.leader?).ok()))
+    }
+
     /// Walls and obstacles of the configuration, below everything.
     fn site(&self) -> Result<Vec<Series>, FigureError> {
-        let text = self.folder.text(&DESCRIPTION_BYTES, "config.toml")?;
-        let config: toml::Table = text.parse().unwrap_or_default();
+        let config = self.config()?;
         let list = |key: &str| {
             let site = config.get("site").and_then(|site| site.get(key));
             site.and_then(toml::Value::as_array).cloned().unwrap_or_default()
@@ -197,6 +306,11 @@ impl RunFolder<'_> {
         }
         Ok(series)
     }
+}
+
+/// When the robots of a run started (simulated seconds).
+fn started_s(summary: &Value) -> f64 {
+    summary["robots_started_s"].as_f64().unwrap_or(0.0)
 }
 
 fn number(field: &Field) -> f64 {

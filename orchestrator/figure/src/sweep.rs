@@ -1,7 +1,7 @@
 //! A figure of a sweep: for each metric a panel with its median and interval at each setting, beside the trials.
 
 use crate::content::{Axis, Figure, Mark, Panel, Point, SCHEMA, Scale, Series};
-use crate::{FigureError, Request};
+use crate::{FigureError, Request, is_kind_of_run};
 use ::sweep::names::{Catalogue, Name};
 use ::sweep::{IntervalKind, MetricSpread, TABLE_FILE};
 use input::result::{ResultError, ResultFolder};
@@ -11,12 +11,14 @@ use numbers::statistics::range;
 use parquet::record::Field;
 use proto::bounds::DESCRIPTION_BYTES;
 use proto::config::most_similar;
-use record::metric::path_of;
+use record::metric::{SHORT_NAMES, path_of};
 use serde_json::Value;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// The column of cases, which is also what `--x` and `--by` call them.
 const CASE: &str = "case";
+/// The column of seeds.
+const SEED: &str = "experiment.seed";
 /// From this ratio of the greatest to the least value on, an axis is logarithmic.
 const LOG_RATIO: f64 = 20.0;
 /// An axis with at most so many values has its ticks there.
@@ -66,6 +68,8 @@ struct Metric {
     is_flag: bool,
     /// The values of each setting.
     values: Vec<Vec<f64>>,
+    /// The seed of each of these values.
+    seeds: Vec<Vec<u64>>,
 }
 
 /// A figure of a sweep.
@@ -88,21 +92,55 @@ pub(crate) fn figure(
     let wanted = metrics_of(&columns, &config, request).map_err(refused)?;
     let n_settings = summary["settings"].as_array().map_or(0, Vec::len);
     let metrics = read(folder, &table, &wanted, n_settings)?;
-    let panels: Vec<(Panel, String)> =
+    let drawn: Vec<(Panel, String)> =
         metrics.iter().map(|metric| panel(metric, &factors, x, &others)).collect();
     let words: Vec<&str> = metrics.iter().map(|metric| metric.name.words.as_str()).collect();
     let by = match x {
         Some(x) => format!(" by {}", factors[x].name.words),
         None => String::new(),
     };
-    let (panels, captions): (Vec<Panel>, Vec<String>) = panels.into_iter().unzip();
+    let (panels, captions): (Vec<Panel>, Vec<String>) = drawn.into_iter().unzip();
     Ok(Figure {
         schema: SCHEMA,
         title: format!("{}{by}", numbers::format::capitalised(&words.join(", "))),
         caption: captions.join(" "),
+        note: note(&panels),
+        runs: Vec::new(),
         panels,
     })
 }
+
+/// What dots and bars are.
+fn note(panels: &[Panel]) -> String {
+    let points = || panels.iter().flat_map(|panel| &panel.series).flat_map(|series| &series.points);
+    let of = |statistic: &str| points().any(|point| point.statistic == Some(statistic));
+    let intervals: BTreeSet<&str> = points().filter_map(|point| point.interval).collect();
+    let mut parts = Vec::new();
+    if of("median") {
+        let bars = match (intervals.contains(BOOTSTRAP), intervals.contains(RANGE)) {
+            (true, true) => ", bars: 95 % interval, or range of fewer than 5 trials",
+            (true, false) => " and 95 % interval",
+            (false, true) => " and range of the trials",
+            (false, false) => "",
+        };
+        parts.push(format!("Large dots: median{bars}; small dots: trials"));
+    }
+    if of("share of trials") {
+        let dots = if parts.is_empty() { "Large dots" } else { "in panels of per cent of trials" };
+        parts.push(format!("{dots}: share of trials and 95 % interval (Wilson)"));
+    }
+    let n: BTreeSet<u64> = points().filter_map(|point| point.n).collect();
+    let n = match (n.first(), n.last()) {
+        (Some(least), Some(most)) if least == most => format!(" (n = {most})"),
+        (Some(least), Some(most)) => format!(" (n = {least} to {most})"),
+        _ => String::new(),
+    };
+    if parts.is_empty() { String::new() } else { format!("{}{n}.", parts.join("; ")) }
+}
+
+/// What intervals are called in points.
+const BOOTSTRAP: &str = "bootstrap 95 %";
+const RANGE: &str = "range";
 
 /// What varies in a sweep.
 fn factors(summary: &Value, config: &toml::Table) -> Vec<Factor> {
@@ -124,7 +162,9 @@ fn factors(summary: &Value, config: &toml::Table) -> Vec<Factor> {
                 let number = number.as_f64().unwrap_or(f64::NAN);
                 (shortest(number), Some(number))
             }
-            Value::String(text) => (text.clone(), None),
+            Value::String(text) => {
+                (catalogue.value(key, text, config).unwrap_or_else(|| text.clone()), None)
+            }
             Value::Bool(is) => ((if *is { "yes" } else { "no" }).to_owned(), None),
             other => (other.to_string(), None),
         };
@@ -199,6 +239,23 @@ fn is_determined(factors: &[Factor], place: usize, by: &[usize]) -> bool {
     })
 }
 
+/// Most metrics that a refusal lists.
+const MOST_LISTED: usize = 12;
+
+fn has_no_short_name(column: &str) -> bool {
+    SHORT_NAMES.iter().all(|short| short.path != path_of(column))
+}
+
+/// Metrics of the trials in a list: those with a short name first, by which people ask for them.
+fn named(figures: &[String]) -> String {
+    let short =
+        SHORT_NAMES.iter().filter(|short| figures.iter().any(|own| path_of(own) == short.path));
+    let mut names: Vec<&str> = short.map(|short| short.name).collect();
+    names.extend(figures.iter().filter(|own| has_no_short_name(own)).map(String::as_str));
+    names.truncate(MOST_LISTED);
+    names.join(", ")
+}
+
 /// The columns of the metrics that are asked for: those of `[sweep]`, if none are.
 fn metrics_of(
     columns: &[String],
@@ -217,8 +274,8 @@ fn metrics_of(
     };
     if wanted.is_empty() {
         return Err(format!(
-            "name one KIND or several: metrics of its trials, each a panel, such as {}; `murmuration metrics` lists them",
-            figures.iter().take(8).cloned().collect::<Vec<_>>().join(", ")
+            "name one KIND or several: metrics of its trials, each a panel, such as {}; `murmuration metrics` lists all",
+            named(figures)
         ));
     }
     let mut problems = Vec::new();
@@ -226,6 +283,9 @@ fn metrics_of(
     for name in wanted {
         match figures.iter().find(|column| path_of(column) == path_of(&name)) {
             Some(column) => found.push(column.clone()),
+            None if is_kind_of_run(&name) => problems.push(format!(
+"{name} is no metric of its trials, but a KIND of figures of a run; give the folder of a run"
+            )),
             None => {
                 let nearest = most_similar(&name, figures.iter().map(String::as_str))
                     .map(|name| format!(" (nearest: {name})"))
@@ -234,7 +294,13 @@ fn metrics_of(
             }
         }
     }
-    if problems.is_empty() { Ok(found) } else { Err(problems.join("\n")) }
+    if problems.is_empty() {
+        return Ok(found);
+    }
+    let known = named(figures);
+    problems
+        .push(format!("Its trials have, among others, {known}; `murmuration metrics` lists all"));
+    Err(problems.join("\n"))
 }
 
 /// The values of some metrics, of trials whose network has formed.
@@ -244,7 +310,7 @@ fn read(
     wanted: &[String],
     n_settings: usize,
 ) -> Result<Vec<Metric>, FigureError> {
-    let mut columns: Vec<&str> = vec!["setting", "status"];
+    let mut columns: Vec<&str> = vec!["setting", SEED, "status"];
     columns.extend(wanted.iter().map(String::as_str));
     let mut metrics: Vec<Metric> = wanted
         .iter()
@@ -252,6 +318,7 @@ fn read(
             name: Name::of_figure(column),
             is_flag: false,
             values: vec![Vec::new(); n_settings],
+            seeds: vec![Vec::new(); n_settings],
         })
         .collect();
     table.each_row_with(&columns, |row| {
@@ -268,16 +335,22 @@ fn read(
         if !matches!(fields.get("status"), Some(Field::Str(status)) if status == "complete") {
             return Ok(());
         }
+        let seed = match fields.get(SEED) {
+            Some(Field::ULong(seed)) => *seed,
+            _ => 0,
+        };
         for (metric, column) in metrics.iter_mut().zip(wanted) {
-            match fields.get(column.as_str()) {
-                Some(Field::Double(value)) => metric.values[setting].push(*value),
-                Some(Field::ULong(value)) => metric.values[setting].push(*value as f64),
+            let value = match fields.get(column.as_str()) {
+                Some(Field::Double(value)) => *value,
+                Some(Field::ULong(value)) => *value as f64,
                 Some(Field::Bool(is)) => {
                     metric.is_flag = true;
-                    metric.values[setting].push(f64::from(u8::from(*is)));
+                    f64::from(u8::from(*is))
                 }
-                _ => {}
-            }
+                _ => continue,
+            };
+            metric.values[setting].push(value);
+            metric.seeds[setting].push(seed);
         }
         Ok(())
     })?;
@@ -298,8 +371,8 @@ fn middle(metric: &Metric, setting: usize) -> Option<Point> {
         (share.ratio(), Some(share.interval()), "Wilson 95 %")
     } else {
         let kind = match spread.interval.map(|interval| interval.kind) {
-            Some(IntervalKind::Bootstrap95) => "bootstrap 95 %",
-            Some(IntervalKind::Range) | None => "range",
+            Some(IntervalKind::Bootstrap95) => BOOTSTRAP,
+            Some(IntervalKind::Range) | None => RANGE,
         };
         (spread.median, spread.interval.map(|interval| [interval.low, interval.high]), kind)
     };
@@ -308,6 +381,7 @@ fn middle(metric: &Metric, setting: usize) -> Option<Point> {
         high: ends.map(|ends| ends[1]),
         interval: ends.map(|_| interval),
         n: Some(n),
+        statistic: Some(if metric.is_flag { "share of trials" } else { "median" }),
         ..Point::of(0.0, y)
     })
 }
@@ -353,11 +427,17 @@ fn panel(
         };
         let own: Vec<usize> =
             (0..metric.values.len()).filter(|&setting| group_of(setting) == *name).collect();
-        let trials = own
-            .iter()
-            .flat_map(|&setting| metric.values[setting].iter().map(move |value| (setting, *value)));
-        let dots =
-            trials.map(|(setting, value)| Point::of(place(setting) + shift, value)).collect();
+        let trials = own.iter().flat_map(|&setting| {
+            let seeds = metric.seeds[setting].iter();
+            seeds.zip(&metric.values[setting]).map(move |(seed, value)| (setting, *seed, *value))
+        });
+        let dots = trials
+            .map(|(setting, seed, value)| Point {
+                seed: Some(seed),
+                statistic: Some("trial"),
+                ..Point::of(place(setting) + shift, value)
+            })
+            .collect();
         let mut middles: Vec<Point> = Vec::new();
         for &setting in &own {
             let Some(point) = middle(metric, setting) else { continue };
@@ -425,8 +505,8 @@ fn caption(
     let intervals: Vec<&str> = kinds
         .iter()
         .map(|kind| match *kind {
-            "range" => "the range of the trials",
-            "bootstrap 95 %" => "the 95 % bootstrap interval of the median",
+            RANGE => "the range of the trials",
+            BOOTSTRAP => "the 95 % bootstrap interval of the median",
             _ => "the 95 % interval of the share (Wilson)",
         })
         .collect();
@@ -475,6 +555,7 @@ fn y_axis(metric: &Metric, series: &[Series]) -> Axis {
     let is_share = metric.name.is_share || metric.is_flag;
     // From 0, unless all lies in the upper part.
     let floor = if 0.0 <= low && low < 0.6 * high { 0.0 } else { low - 0.06 * (high - low) };
+    // Trials of 100 % do not lie on the edge.
     let axis = Axis::linear(label, [floor, high + 0.06 * (high - floor)]);
     if is_share { axis.of_shares() } else { axis }
 }

@@ -1,50 +1,74 @@
 //! The numbers of a figure as CSV (RFC 4180), a row for each point.
 
-use crate::content::{Figure, Scale};
+use crate::content::{Figure, Panel, Point, Scale, Series};
 
-const COLUMNS: [&str; 14] = [
-    "panel", "series", "x_label", "x", "y_label", "y", "low", "high", "interval", "n", "end_x",
-    "end_y", "value", "name",
+/// A point, and what it belongs to.
+struct Row<'a> {
+    place: usize,
+    panel: &'a Panel,
+    series: &'a Series,
+    point: &'a Point,
+}
+
+/// A column, and what it has of a point.
+type Column = (&'static str, fn(&Row<'_>) -> String);
+
+/// Columns that every table has.
+const ALWAYS: [Column; 6] = [
+    ("panel", |row| row.place.to_string()),
+    ("series", |row| row.series.name.clone()),
+    ("x_label", |row| row.panel.x.label.clone()),
+    ("x", |row| x_of(row.panel, row.point)),
+    ("y_label", |row| row.panel.y.label.clone()),
+    ("y", |row| number(row.point.y)),
 ];
 
-/// The table of a figure.
+/// Columns that a table has if a point has something in them.
+const IF_ANY: [Column; 10] = [
+    ("statistic", |row| row.point.statistic.unwrap_or_default().to_owned()),
+    ("seed", |row| row.point.seed.map(|seed| seed.to_string()).unwrap_or_default()),
+    ("low", |row| number(row.point.low)),
+    ("high", |row| number(row.point.high)),
+    ("interval", |row| row.point.interval.unwrap_or_default().to_owned()),
+    ("n", |row| row.point.n.map(|n| n.to_string()).unwrap_or_default()),
+    ("end_x", |row| number(row.point.end.map(|[x, _]| x))),
+    ("end_y", |row| number(row.point.end.map(|[_, y]| y))),
+    ("value", |row| number(row.point.value)),
+    ("name", |row| row.point.name.clone()),
+];
+
+fn number(value: Option<f64>) -> String {
+    value.map(|value| value.to_string()).unwrap_or_default()
+}
+
+fn x_of(panel: &Panel, point: &Point) -> String {
+    match panel.x.scale {
+        Scale::Category => {
+            let place = libm::round(point.x).max(0.0) as usize;
+            panel.x.categories.get(place).cloned().unwrap_or_default()
+        }
+        Scale::Linear | Scale::Log => point.x.to_string(),
+    }
+}
+
+/// The table of a figure. Columns in which no point has anything are left out.
 #[must_use]
 pub fn csv(figure: &Figure) -> String {
-    let mut text = COLUMNS.join(",") + "\n";
-    let number = |value: Option<f64>| value.map(|value| value.to_string()).unwrap_or_default();
-    for (place, panel) in (1..).zip(&figure.panels) {
-        for series in &panel.series {
-            for point in &series.points {
-                let x = match panel.x.scale {
-                    Scale::Category => panel
-                        .x
-                        .categories
-                        .get(libm::round(point.x).max(0.0) as usize)
-                        .cloned()
-                        .unwrap_or_default(),
-                    Scale::Linear | Scale::Log => point.x.to_string(),
-                };
-                let fields: [String; 14] = [
-                    u32::to_string(&place),
-                    series.name.clone(),
-                    panel.x.label.clone(),
-                    x,
-                    panel.y.label.clone(),
-                    number(point.y),
-                    number(point.low),
-                    number(point.high),
-                    point.interval.unwrap_or_default().to_owned(),
-                    point.n.map(|n| n.to_string()).unwrap_or_default(),
-                    number(point.end.map(|[x, _]| x)),
-                    number(point.end.map(|[_, y]| y)),
-                    number(point.value),
-                    point.name.clone(),
-                ];
-                let quoted: Vec<String> = fields.iter().map(|field| quoted(field)).collect();
-                text.push_str(&quoted.join(","));
-                text.push('\n');
-            }
-        }
+    let rows: Vec<Row<'_>> = (1..)
+        .zip(&figure.panels)
+        .flat_map(|(place, panel)| panel.series.iter().map(move |series| (place, panel, series)))
+        .flat_map(|(place, panel, series)| {
+            series.points.iter().map(move |point| Row { place, panel, series, point })
+        })
+        .collect();
+    let used = IF_ANY.iter().filter(|(_, field)| rows.iter().any(|row| !field(row).is_empty()));
+    let columns: Vec<&Column> = ALWAYS.iter().chain(used).collect();
+    let names: Vec<&str> = columns.iter().map(|(name, _)| *name).collect();
+    let mut text = names.join(",") + "\n";
+    for row in &rows {
+        let fields: Vec<String> = columns.iter().map(|(_, field)| quoted(&field(row))).collect();
+        text.push_str(&fields.join(","));
+        text.push('\n');
     }
     text
 }

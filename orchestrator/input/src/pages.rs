@@ -12,14 +12,23 @@ const DESCRIPTION: u64 = 32;
 ///
 /// # Errors
 ///
-/// The end cannot be read.
+/// The end cannot be read, or is not that of a Parquet file.
 pub fn memory_of_description<R: Read + Seek>(content: &mut R, length: u64) -> Result<u64> {
     // Four bytes with the length of the description, and a magic number of four.
     let Some(at) = length.checked_sub(8) else { return Ok(0) };
     content.seek(SeekFrom::Start(at))?;
-    let mut stated = [0; 4];
+    let (mut stated, mut magic) = ([0; 4], [0; 4]);
     content.read_exact(&mut stated)?;
-    Ok(DESCRIPTION * u64::from(u32::from_le_bytes(stated)))
+    content.read_exact(&mut magic)?;
+    let described = u64::from(u32::from_le_bytes(stated));
+    // Without this check a file that was cut would seem to need gigabytes of memory.
+    if ![*b"PAR1", *b"PARE"].contains(&magic) || at < described {
+        return Err(Error::new(
+            ErrorKind::InvalidData,
+            "does not end as a Parquet file does: it is damaged or was cut",
+        ));
+    }
+    Ok(DESCRIPTION * described)
 }
 
 /// Refuses a column that does not lie in a file of `length` bytes.
@@ -225,6 +234,18 @@ mod tests {
         &[0x15, 0, 0x15, 0xb0, 9, 0x15, 2, 0x2c, 0x15, 6, 0x15, 16, 0x15, 6, 0x15, 6, 0, 0],
         b"c",
     ];
+
+    #[test]
+    fn a_file_that_was_cut_is_damaged_and_not_large() {
+        let whole = [&[0; 8][..], &4_u32.to_le_bytes(), b"PAR1"].concat();
+        let needed =
+            |content: &[u8]| memory_of_description(&mut Cursor::new(content), content.len() as u64);
+        assert_eq!(needed(&whole).unwrap(), 4 * DESCRIPTION);
+        let cut = [&[0xff; 8][..], &whole[..8]].concat();
+        assert!(needed(&cut).unwrap_err().to_string().contains("damaged or was cut"));
+        let long = [&[0; 8][..], &9_u32.to_le_bytes(), b"PAR1"].concat();
+        assert!(needed(&long).is_err(), "the description is longer than the file");
+    }
 
     #[test]
     fn the_memory_of_pages_is_known_from_their_headers() {

@@ -92,6 +92,9 @@ const ANY: &str = "*";
 /// The path of figures that only a robot simulator knows.
 const OF_ROBOTS: &str = "task.*";
 
+/// What is known of such a figure.
+const BY_ROBOTS: &str = "A figure that the robot simulator reports by this name.";
+
 /// Whose robot simulator a run has: only that of the program has no figures but the known ones.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Robots {
@@ -130,7 +133,8 @@ pub fn find(name: &str, robots: Robots) -> Option<Metric> {
     let family = metrics().iter().find(is_known)?;
     // Of figures of another simulator, only the name says what they are.
     let unit = family.unit.or_else(|| numbers::quantity::unit(path));
-    Some(Metric { path: path.to_owned(), label: words_of(path), unit, ..family.clone() })
+    let meaning = if family.path == OF_ROBOTS { BY_ROBOTS } else { &family.meaning }.to_owned();
+    Some(Metric { path: path.to_owned(), label: words_of(path), unit, meaning, ..family.clone() })
 }
 
 /// The name that is most likely meant by one that is none.

@@ -4,7 +4,7 @@ use super::answers::{check_new, not_placed};
 use super::{Failure, ReadArgs, check_json, place_for, write_json};
 use ::figure::content::Figure;
 use ::figure::paint::{COLUMN_MM, PAGE_MM, drawing};
-use ::figure::{FigureError, Request, figure as figure_of, table};
+use ::figure::{FigureError, Request, figure as figure_of, is_kind_of_run, table};
 use clap::Args;
 use picture::pdf::pdf;
 use picture::raster::{Canvas, png};
@@ -18,9 +18,10 @@ pub(super) struct FigureArgs {
     /// Folder of a run or of a sweep, or an answer of compare, diagnose or power (--json)
     result: PathBuf,
     /// Of a run or an answer: the figure, such as trajectories; without one, those that there are are listed. Of a sweep:
-    /// metrics such as pdr, each in a panel of its own [default: those of sweep.metrics]
+    /// metrics such as pdr, each in a panel of its own [default: those of sweep.metrics]. Before it, further runs, whose
+    /// curves are drawn over those of the first: `figure runs/a runs/b flock_speed`
     #[arg(value_name = "KIND")]
-    kinds: Vec<String>,
+    words: Vec<String>,
     /// Write the figure to this file, which ends in .pdf, .svg or .png, or its numbers to one that ends in .csv
     #[arg(long, value_name = "FILE")]
     output: Option<PathBuf>,
@@ -33,7 +34,8 @@ pub(super) struct FigureArgs {
     /// Of a sweep: what colours tell apart [default: everything else that varies]
     #[arg(long, value_name = "KEY")]
     by: Option<String>,
-    /// Of a run: from this simulated time on (s)
+    /// Of a run: from this simulated time on (s) [default: 0; of curves over time, when the robots start]. Of runs whose
+    /// robots start at different times: since then
     #[arg(long, value_name = "S", allow_negative_numbers = true, value_parser = time_s)]
     from: Option<f64>,
     /// Of a run: until this simulated time (s)
@@ -47,6 +49,19 @@ pub(super) struct FigureArgs {
     /// Write what the figure shows as JSON to this file; - for standard output
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
+}
+
+impl FigureArgs {
+    /// The results, and the KINDs after them: of the words, those before the first that is no folder.
+    fn results_and_kinds(&self) -> (Vec<PathBuf>, Vec<String>) {
+        let is_result = |word: &&String| {
+            !is_kind_of_run(word) && (word.contains('/') || Path::new(word).is_dir())
+        };
+        let n_further = self.words.iter().take_while(is_result).count();
+        let (further, kinds) = self.words.split_at(n_further);
+        let first = std::iter::once(self.result.clone());
+        (first.chain(further.iter().map(PathBuf::from)).collect(), kinds.to_vec())
+    }
 }
 
 /// Pixels per inch of a picture of pixels.
@@ -123,15 +138,16 @@ pub(super) fn figure(args: &FigureArgs) -> Result<(), Failure> {
         check_new("--output", path, args.replace)?;
     }
     check_json(args.json.as_deref())?;
+    let (results, kinds) = args.results_and_kinds();
     let request = Request {
-        kinds: args.kinds.clone(),
+        kinds,
         x: args.x.clone(),
         by: args.by.clone(),
         from_s: args.from,
         until_s: args.until,
     };
     let figure =
-        figure_of(&args.result, &request, args.read.reading()).map_err(|error| match error {
+        figure_of(&results, &request, args.read.reading()).map_err(|error| match error {
             FigureError::Request(text) => Failure::request(text),
             FigureError::Unbelieved(error) => Failure::work(error),
         })?;

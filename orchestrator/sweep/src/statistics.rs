@@ -54,10 +54,13 @@ impl Interval {
         self.low <= other.high && other.low <= self.high
     }
 
-    /// A median and the ends of its interval, with the digits that the interval warrants.
+    /// A median and the ends of its interval, with the digits that the interval warrants. Values that are smaller than half its
+    /// width have three digits: 0.0332 with the interval from 0.0268 to 20.2 is not 0.
     pub(crate) fn digits(self, median: f64) -> [String; 3] {
         let half = (self.high - self.low) / 2.0;
-        [median, self.low, self.high].map(|value| number_within(value, half))
+        [median, self.low, self.high].map(|value| {
+            if value.abs() < half { number(value) } else { number_within(value, half) }
+        })
     }
 
     /// The same with about three digits each, or more if the ends of the interval would else look the same.
@@ -155,6 +158,7 @@ mod tests {
         assert_eq!(interval(0.9997, 1.0).digits(0.9999), ["0.99990", "0.99970", "1.00000"]);
         assert_eq!(interval(0.91, 0.95).digits(0.93), ["0.930", "0.910", "0.950"]);
         assert_eq!(interval(1.0, 1.0).digits(1.0), ["1.00"; 3]);
+        assert_eq!(interval(0.0268, 20.2).digits(0.0332), ["0.0332", "0.0268", "20"]);
         assert_eq!(interval(99.54, 100.0).digits(99.96), ["99.96", "99.54", "100.00"]);
         assert_eq!(interval(0.9997, 1.0).short_digits(0.9999), ["0.99990", "0.99970", "1.00000"]);
         assert_eq!(interval(1.0, 2.5).short_digits(1.25), ["1.25", "1.00", "2.50"]);

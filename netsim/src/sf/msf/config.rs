@@ -37,7 +37,7 @@ pub(in crate::sf) fn read(
     (context.problems.len() == before).then_some(config)
 }
 
-/// The minimal scheduling function (RFC 9033): motes negotiate cells with their parent according to their traffic.
+/// MSF, the minimal scheduling function (RFC 9033): motes negotiate cells with their parent according to their traffic.
 ///
 /// Constants of MSF (§ 14). The defaults are those that RFC 9033 recommends.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, Section)]

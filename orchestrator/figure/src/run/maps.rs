@@ -7,6 +7,8 @@ use numbers::format::{count, count_of, percent};
 use numbers::statistics::quantile;
 use std::collections::{BTreeMap, BTreeSet};
 
+/// The group of the leader: another colour than that of the others, and another mark.
+const LEADER: usize = 5;
 /// Most robots whose paths are drawn.
 const MOST_PATHS: usize = 200;
 
@@ -46,15 +48,23 @@ pub(super) fn trajectories(run: &RunFolder<'_>) -> Result<Figure, FigureError> {
     }
     let n = paths.len();
     if n == 0 {
-        return Err(run.refused("steps.parquet has no step in that span of time"));
+        return Err(run.refused_span("steps.parquet has no step", ""));
     }
     let stride = n.div_ceil(MOST_PATHS);
     let mut series = run.site()?;
     let (mut lines, mut starts, mut ends) = (Vec::new(), Vec::new(), Vec::new());
+    let leader = run.leader()?;
+    let (mut leader_path, mut leader_end) = (Vec::new(), Vec::new());
     for (place, (agent, path)) in paths.iter().enumerate() {
         starts.extend(path.first().filter(|point| point.y.is_some()).cloned());
         let last = path.last().filter(|point| point.y.is_some()).cloned();
-        ends.extend(last.map(|point| Point { name: agent.to_string(), ..point }));
+        let end = last.map(|point| Point { name: agent.to_string(), ..point });
+        if Some(*agent) == leader {
+            leader_path.clone_from(path);
+            leader_end.extend(end);
+            continue;
+        }
+        ends.extend(end);
         if place.is_multiple_of(stride) {
             lines.extend(path.iter().cloned());
             lines.push(Point::default());
@@ -65,6 +75,10 @@ pub(super) fn trajectories(run: &RunFolder<'_>) -> Result<Figure, FigureError> {
     series.push(of("path", Mark::Line, Some(0), lines));
     series.push(of("start", Mark::FaintDot, None, starts));
     series.push(of("end", Mark::Dot, Some(0), ends));
+    if !leader_end.is_empty() {
+        series.push(of("", Mark::Line, Some(LEADER), leader_path));
+        series.push(of("leader", Mark::Dot, Some(LEADER), leader_end));
+    }
     let drawn = if stride == 1 {
         String::new()
     } else {
@@ -124,7 +138,10 @@ pub(super) fn links(run: &RunFolder<'_>) -> Result<Figure, FigureError> {
         })
         .collect();
     if arrows.is_empty() {
-        return Err(run.refused("nobody heard anybody in that span of time"));
+        return Err(run.refused_span(
+            "links.parquet has no frame that another robot heard",
+            ": it has messages between robots, and these robots sent none",
+        ));
     }
     shares.sort_by(f64::total_cmp);
     let n_pairs = places.len() * places.len().saturating_sub(1);
@@ -189,9 +206,10 @@ pub(super) fn network(run: &RunFolder<'_>) -> Result<Figure, FigureError> {
         }
     }
     if lines.is_empty() {
-        return Err(
-            run.refused("no mote has a parent in that span of time, or the network has no routes")
-        );
+        return Err(run.refused_span(
+            "motes.parquet has no mote with a parent",
+            ": a network without routes, such as one of broadcasts, has none",
+        ));
     }
     let caption = format!(
         "Whom each mote has chosen as parent at the end: {} of {} motes other than roots have one.",

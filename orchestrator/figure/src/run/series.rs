@@ -1,32 +1,14 @@
-//! Figures of a run over time, over distance, and of distributions.
+//! Curves of a run over time, over distance, and of distributions.
 
+use super::curves::{Curve, Curves};
 use super::{MOST_POINTS, RunFolder};
 use crate::FigureError;
-use crate::content::{Axis, Figure, Mark, Panel, Point, Series};
+use crate::content::{Mark, Point};
 use numbers::format::{count, number, percent};
 use numbers::statistics::{quantile, range};
 use parquet::record::Field;
 use serde_json::Value;
 use std::collections::BTreeMap;
-
-fn line(name: &str, group: Option<usize>, points: Vec<Point>) -> Series {
-    Series { name: name.to_owned(), mark: Mark::Line, group, points }
-}
-
-/// A panel over time from 0 upwards.
-fn over_time(label: &str, series: Vec<Series>) -> Panel {
-    let points = || series.iter().flat_map(|series| &series.points);
-    let x = range(points().map(|point| point.x));
-    let values = points().flat_map(|point| [point.y, point.high]).flatten();
-    let [_, high] = range(values.chain([0.0]));
-    Panel {
-        x: Axis::linear("simulated time (s)", x),
-        y: Axis::linear(label, [0.0, 1.05 * high]),
-        is_map: false,
-        series,
-        colour: None,
-    }
-}
 
 /// What was added up of a step.
 #[derive(Default)]
@@ -35,6 +17,16 @@ struct Sums {
     velocity_mps: [f64; 2],
     speed_mps: f64,
     heard: Vec<f64>,
+}
+
+impl Sums {
+    fn flock_mps(&self) -> f64 {
+        libm::hypot(self.velocity_mps[0], self.velocity_mps[1]) / self.n
+    }
+
+    fn mean_mps(&self) -> f64 {
+        self.speed_mps / self.n
+    }
 }
 
 /// Sums over the robots that are alive, by time (ns) of the steps that are drawn.
@@ -58,7 +50,7 @@ fn sums(run: &RunFolder<'_>) -> Result<BTreeMap<u64, Sums>, FigureError> {
         sums.heard.push(n_heard);
     })?;
     if by_time.is_empty() {
-        return Err(run.refused("steps.parquet has no step with a robot in that span of time"));
+        return Err(run.refused_span("steps.parquet has no step with a robot", ""));
     }
     for sums in by_time.values_mut() {
         sums.heard.sort_by(f64::total_cmp);
@@ -66,33 +58,79 @@ fn sums(run: &RunFolder<'_>) -> Result<BTreeMap<u64, Sums>, FigureError> {
     Ok(by_time)
 }
 
-pub(super) fn speed(run: &RunFolder<'_>) -> Result<Figure, FigureError> {
-    let by_time = sums(run)?;
-    let points = |of: fn(&Sums) -> f64| {
-        by_time.iter().map(|(&time_ns, sums)| Point::of(time_ns as f64 / 1e9, of(sums))).collect()
-    };
-    let flock = points(|sums| libm::hypot(sums.velocity_mps[0], sums.velocity_mps[1]) / sums.n);
-    let robots = points(|sums| sums.speed_mps / sums.n);
-    let task = &run.summary["task"];
-    let stated = |key: &str, words: &str| {
-        task[key].as_f64().map(|value| format!(" {words} {} m/s.", number(value)))
-    };
-    let caption = format!(
-        "Speed over time: the magnitude of the mean velocity of all robots (flock), and the mean of their speeds.{}{}{}",
-        stated("flock_speed_mps", "Means over the run: flock").unwrap_or_default(),
-        stated("mean_speed_mps", "robots").unwrap_or_default(),
-        stated("speed_along_leader_mps", "along the leader's direction").unwrap_or_default(),
-    );
-    let series = vec![line("robots", Some(1), robots), line("flock", Some(0), flock)];
-    Ok(Figure::of_panel(
-        format!("{}: speed", run.name()),
-        caption,
-        over_time("speed (m/s)", series),
-    ))
+/// What all curves over time have in common: the axis, which begins where the span does, and not at the first point.
+fn over_time(run: &RunFolder<'_>, by_time: &BTreeMap<u64, Sums>) -> (String, Option<[f64; 2]>) {
+    let label =
+        if run.is_since_start { "time since the robots started (s)" } else { "simulated time (s)" };
+    let last_ns = by_time.last_key_value().map_or(0, |(time_ns, _)| *time_ns);
+    (label.to_owned(), Some([run.span_ns[0], last_ns].map(|time_ns| run.axis_s(time_ns))))
 }
 
-pub(super) fn neighbours(run: &RunFolder<'_>) -> Result<Figure, FigureError> {
+/// The flock's speed alone.
+pub(super) fn flock_speed(run: &RunFolder<'_>) -> Result<Curves, FigureError> {
     let by_time = sums(run)?;
+    let (x_label, x) = over_time(run, &by_time);
+    let (curve, mean) = flock_curve(run, &by_time);
+    Ok(Curves {
+        what: "flock speed",
+        explains: "Flock speed over time: the magnitude of the mean velocity of all robots."
+            .to_owned(),
+        numbers: format!("mean over the steps shown {mean} m/s"),
+        note: "",
+        x_label,
+        x,
+        y_label: "flock speed (m/s)",
+        share_up_to: None,
+        curves: vec![curve],
+    })
+}
+
+/// The flock's speed, and its mean over the steps.
+fn flock_curve(run: &RunFolder<'_>, by_time: &BTreeMap<u64, Sums>) -> (Curve, String) {
+    curve_of(run, by_time, "flock speed", "flock speed (m/s)", Sums::flock_mps)
+}
+
+fn curve_of(
+    run: &RunFolder<'_>,
+    by_time: &BTreeMap<u64, Sums>,
+    name: &str,
+    y_label: &str,
+    of: fn(&Sums) -> f64,
+) -> (Curve, String) {
+    let points: Vec<Point> =
+        by_time.iter().map(|(&time_ns, sums)| Point::of(run.axis_s(time_ns), of(sums))).collect();
+    let mean = numbers::statistics::mean(points.iter().filter_map(|point| point.y));
+    let curve =
+        Curve { name: name.to_owned(), y_label: y_label.to_owned(), mark: Mark::Line, points };
+    (curve, number(mean))
+}
+
+pub(super) fn speed(run: &RunFolder<'_>) -> Result<Curves, FigureError> {
+    let by_time = sums(run)?;
+    let (x_label, x) = over_time(run, &by_time);
+    let (flock, flock_mean) = flock_curve(run, &by_time);
+    let (robots, robots_mean) =
+        curve_of(run, &by_time, "mean speed of the robots", "mean speed (m/s)", Sums::mean_mps);
+    Ok(Curves {
+        what: "speed",
+        explains: "Speed over time. Flock speed is the magnitude of the mean velocity of all robots; the mean speed is the mean \
+             of the magnitudes of their velocities."
+            .to_owned(),
+        numbers: format!(
+            "mean over the steps shown: flock speed {flock_mean} m/s, mean speed {robots_mean} m/s"
+        ),
+        note: "",
+        x_label,
+        x,
+        y_label: "speed (m/s)",
+        share_up_to: None,
+        curves: vec![flock, robots],
+    })
+}
+
+pub(super) fn neighbours(run: &RunFolder<'_>) -> Result<Curves, FigureError> {
+    let by_time = sums(run)?;
+    let (x_label, x) = over_time(run, &by_time);
     let mut all: Vec<f64> = by_time.values().flat_map(|sums| sums.heard.iter().copied()).collect();
     all.sort_by(f64::total_cmp);
     let points = by_time.iter().map(|(&time_ns, sums)| {
@@ -102,26 +140,35 @@ pub(super) fn neighbours(run: &RunFolder<'_>) -> Result<Figure, FigureError> {
             high: Some(at(0.9)),
             interval: Some("10 % to 90 % of robots"),
             n: Some(sums.heard.len() as u64),
-            ..Point::of(time_ns as f64 / 1e9, at(0.5))
+            statistic: Some("median"),
+            ..Point::of(run.axis_s(time_ns), at(0.5))
         }
     });
-    let series = vec![Series {
-        name: "median, and 10 % to 90 % of robots".to_owned(),
-        mark: Mark::Band,
-        group: Some(0),
-        points: points.collect(),
-    }];
-    let caption = format!(
-        "How many others each robot heard in a control period: the median over the drawn steps is {}, 10 % to 90 % are {} to {}.",
-        number(quantile(&all, 0.5)),
-        number(quantile(&all, 0.1)),
-        number(quantile(&all, 0.9))
-    );
-    let panel = over_time("neighbours heard (count)", series);
-    Ok(Figure::of_panel(format!("{}: neighbours heard", run.name()), caption, panel))
+    let y_label = "neighbours heard (count)";
+    Ok(Curves {
+        what: "neighbours heard",
+        explains: "How many others each robot hears in a control period.".to_owned(),
+        numbers: format!(
+            "median over the steps shown {} (10 % to 90 % of robots: {} to {})",
+            number(quantile(&all, 0.5)),
+            number(quantile(&all, 0.1)),
+            number(quantile(&all, 0.9))
+        ),
+        note: "Line: median of the robots. Area: 10 % to 90 % of the robots.",
+        x_label,
+        x,
+        y_label,
+        share_up_to: None,
+        curves: vec![Curve {
+            name: String::new(),
+            y_label: y_label.to_owned(),
+            mark: Mark::Band,
+            points: points.collect(),
+        }],
+    })
 }
 
-pub(super) fn delivery(run: &RunFolder<'_>) -> Result<Figure, FigureError> {
+pub(super) fn delivery(run: &RunFolder<'_>) -> Result<Curves, FigureError> {
     let network = &run.summary["network"];
     let bins: &[Value] = network["by_distance"].as_array().map_or(&[], Vec::as_slice);
     let points: Vec<Point> = bins
@@ -144,23 +191,32 @@ pub(super) fn delivery(run: &RunFolder<'_>) -> Result<Figure, FigureError> {
     }
     let n: u64 = points.iter().filter_map(|point| point.n).sum();
     let overall = network["delivery_ratio"].as_f64().map(percent).unwrap_or_default();
-    let caption = format!(
-        "Share of the payloads that were delivered, over the distance between sender and receiver, with 95 % intervals that take \
-         frames for independent (Wilson). n = {} frames times receivers; {overall} over all distances.",
-        count(n)
-    );
     let [_, farthest] = range(bins.iter().filter_map(|bin| bin["to_m"].as_f64()));
-    let panel = Panel {
-        x: Axis::linear("distance (m)", [0.0, farthest]),
-        y: Axis::linear("delivery ratio", [0.0, 1.05]).of_shares(),
-        is_map: false,
-        series: vec![Series { name: String::new(), mark: Mark::Interval, group: Some(0), points }],
-        colour: None,
-    };
-    Ok(Figure::of_panel(format!("{}: delivery over distance", run.name()), caption, panel))
+    let y_label = "delivery ratio";
+    Ok(Curves {
+        what: "delivery over distance",
+        explains: "Share of the payloads that were delivered, over the distance between sender and receiver, with 95 % intervals \
+             that take frames for independent (Wilson)."
+            .to_owned(),
+        numbers: format!("{overall} over all distances, n = {} frames times receivers", count(n)),
+        note: "Bars: 95 % interval of the share (Wilson).",
+        x_label: "distance (m)".to_owned(),
+        x: Some([0.0, farthest]),
+        y_label,
+        share_up_to: Some(1.05),
+        curves: vec![Curve {
+            name: String::new(),
+            y_label: y_label.to_owned(),
+            mark: Mark::Interval,
+            points,
+        }],
+    })
 }
 
-pub(super) fn latency(run: &RunFolder<'_>) -> Result<Figure, FigureError> {
+/// Packets with which motes join, in `packets.parquet`.
+const JOIN: &str = "join";
+
+pub(super) fn latency(run: &RunFolder<'_>) -> Result<Curves, FigureError> {
     let mut by_kind: BTreeMap<String, Vec<f64>> = BTreeMap::new();
     let table = run.folder.table("packets.parquet")?;
     let columns = ["kind", "created_ns", "ended_ns", "delivered"];
@@ -181,11 +237,11 @@ pub(super) fn latency(run: &RunFolder<'_>) -> Result<Figure, FigureError> {
         Ok::<(), FigureError>(())
     })?;
     if by_kind.is_empty() {
-        return Err(run.refused("no packet was delivered in that span of time"));
+        return Err(run.refused_span("packets.parquet has no packet that was delivered", ""));
     }
     let mut medians = Vec::new();
-    let mut series = Vec::new();
-    for (group, (kind, latencies_s)) in by_kind.iter_mut().enumerate() {
+    let mut curves = Vec::new();
+    for (kind, latencies_s) in &mut by_kind {
         latencies_s.sort_by(f64::total_cmp);
         let n = latencies_s.len();
         let stride = n.div_ceil(MOST_POINTS as usize);
@@ -195,7 +251,12 @@ pub(super) fn latency(run: &RunFolder<'_>) -> Result<Figure, FigureError> {
             .filter(|(rank, _)| rank.is_multiple_of(stride) || rank + 1 == n);
         let points =
             points.map(|(rank, latency_s)| Point::of(*latency_s, (rank + 1) as f64 / n as f64));
-        series.push(line(kind, Some(group), points.collect()));
+        curves.push(Curve {
+            name: kind.clone(),
+            y_label: format!("share of {kind} packets"),
+            mark: Mark::Line,
+            points: points.collect(),
+        });
         medians.push(format!(
             "{kind} {} s (95 % of packets within {} s, n = {})",
             number(quantile(latencies_s, 0.5)),
@@ -203,17 +264,23 @@ pub(super) fn latency(run: &RunFolder<'_>) -> Result<Figure, FigureError> {
             count(n as u64)
         ));
     }
-    let caption = format!(
-        "Share of delivered packets whose latency from creation to delivery is at most so long. Medians: {}.",
-        medians.join("; ")
-    );
-    let [_, longest] = range(by_kind.values().flatten().copied());
-    let panel = Panel {
-        x: Axis::linear("latency (s)", [0.0, longest]),
-        y: Axis::linear("share of delivered packets", [0.0, 1.0]).of_shares(),
-        is_map: false,
-        series,
-        colour: None,
+    // Broadcasts between robots are no packets: without applications all that is left is how motes joined.
+    let without = if by_kind.keys().all(|kind| kind == JOIN) {
+        " Only the packets with which motes join were delivered; broadcasts of robots are no packets."
+    } else {
+        ""
     };
-    Ok(Figure::of_panel(format!("{}: latency", run.name()), caption, panel))
+    Ok(Curves {
+        what: "latency",
+        explains: format!(
+            "Share of the delivered packets of a kind whose latency from creation to delivery is at most so long.{without}"
+        ),
+        numbers: format!("medians: {}", medians.join(", ")),
+        note: "",
+        x_label: "latency (s)".to_owned(),
+        x: None,
+        y_label: "share of delivered packets",
+        share_up_to: Some(1.0),
+        curves,
+    })
 }

@@ -2,7 +2,7 @@
 
 use super::runs_comparison::{Change, RunsComparison, SettingComparison};
 use crate::sweep_summary::IntervalKind;
-use numbers::format::{count_of, number};
+use numbers::format::count_of;
 use numbers::layout::TextTable;
 use std::fmt::Write as _;
 
@@ -23,6 +23,11 @@ pub fn text(comparison: &RunsComparison) -> String {
     }
     text.truncate(text.trim_end().len());
     text
+}
+
+/// A number in a column whose other numbers may be large: all have the same minus.
+fn number(value: f64) -> String {
+    numbers::format::number(value).replace('-', "−")
 }
 
 fn table(text: &mut String, setting: &SettingComparison) {

@@ -60,6 +60,26 @@ impl Catalogue {
         });
         Name { words, unit: quantity::unit(last), is_share: false, explanation }
     }
+
+    /// How the field writes a value of a key of the configuration that is a choice, if its description begins with that: `MSF` of
+    /// `msf`, which is described as "MSF, the minimal scheduling function".
+    #[must_use]
+    pub fn value(&self, key: &str, value: &str, config: &toml::Table) -> Option<String> {
+        let config = toml::Value::Table(config.clone());
+        let path: Vec<&str> = key.split('.').map(without_index).collect();
+        let (last, table) = path.split_last()?;
+        let at = |path: &[&str]| find(&self.experiment, &self.experiment, path, Some(&config));
+        let is_value = |schema: &Value| schema.get("const").and_then(Value::as_str) == Some(value);
+        // A tag chooses the table that it is in; a value of any other choice has a description of its own.
+        let tables = at(table).into_iter().flat_map(alternatives).filter(|table| {
+            table.get("properties").and_then(|keys| keys.get(last)).is_some_and(is_value)
+        });
+        let values = at(&path).into_iter().flat_map(alternatives).filter(|own| is_value(own));
+        let text = tables.chain(values).find_map(explanation)?;
+        let end = text.find([':', ','])?;
+        let plain = |text: &str| text.replace(['-', ' '], "").to_lowercase();
+        (plain(&text[..end]) == plain(value)).then(|| text[..end].to_owned())
+    }
 }
 
 impl Name {
@@ -98,6 +118,12 @@ fn explanation(schema: &Value) -> Option<String> {
     schema.get("description")?.as_str().map(str::to_owned)
 }
 
+/// The schemas of which a value satisfies one or several.
+fn alternatives(schema: &Value) -> impl Iterator<Item = &Value> {
+    let lists = ["oneOf", "anyOf"].iter().filter_map(|any| schema.get(any)?.as_array());
+    lists.flatten()
+}
+
 /// The schema of what lies at a path below another.
 fn find<'a>(
     root: &'a Value,
@@ -113,8 +139,7 @@ fn find<'a>(
         let entry = config.and_then(|config| config.as_array()?.first());
         return find(root, items, path, entry);
     }
-    let alternatives = ["oneOf", "anyOf"].iter().filter_map(|any| schema.get(any)?.as_array());
-    let mut alternatives: Vec<&Value> = alternatives.flatten().collect();
+    let mut alternatives: Vec<&Value> = alternatives(schema).collect();
     // The alternative that the configuration has chosen comes first.
     alternatives.sort_by_key(|alternative| !is_chosen(alternative, config));
     let own = schema.get("properties").and_then(|properties| properties.get(first));
@@ -182,6 +207,17 @@ mod tests {
     }
 
     #[test]
+    fn values_are_spelt_as_their_descriptions_begin() {
+        let config: toml::Table = toml::from_str("[netsim]\nmode = \"6tisch\"\n").unwrap();
+        let catalogue = Catalogue::of_program();
+        let value = |value: &str| catalogue.value("netsim.sf.kind", value, &config);
+        assert_eq!(value("msf").as_deref(), Some("MSF"));
+        assert_eq!(value("orchestra").as_deref(), Some("Orchestra"));
+        assert_eq!(value("static"), None, "described without a name");
+        assert_eq!(value("none such"), None);
+    }
+
+    #[test]
     fn figures_are_called_and_explained_by_the_list_of_metrics() {
         let label = |figure: &str| Name::of_figure(figure).label();
         assert_eq!(label("task.flock_speed_mps"), "flock speed (m/s)");
@@ -192,6 +228,8 @@ mod tests {
         assert_eq!(label("pdr"), "packet delivery ratio");
         assert_eq!(label("kpis.since_start.delivery.ratio"), "delivery ratio since the start");
         assert_eq!(label("task.wing_beat_hz"), "wing beat (Hz)");
+        let foreign = Name::of_figure("task.wing_beat_hz").explanation.unwrap();
+        assert_eq!(foreign, "A figure that the robot simulator reports by this name.");
         assert!(Name::of_figure("pdr").is_share);
         for figure in ["task.flock_speed_mps", "network.delivery_ratio", "kpis.formation.formed_s"]
         {
