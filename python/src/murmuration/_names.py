@@ -21,6 +21,11 @@ def path_of(name: str) -> str:
     return _paths().get(name, name)
 
 
+def is_name(name: str) -> bool:
+    """Whether a metric has this short name or this path."""
+    return name in _paths() or name in _paths().values()
+
+
 def one_of(names: Collection[str], name: str) -> str | None:
     """The one of `names` that is this metric, under the same name or the other one; None if none is."""
     if name in names:
