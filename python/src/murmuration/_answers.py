@@ -260,7 +260,7 @@ class Run:
 
         Examples
         --------
-        >>> run.plot("delivery", width="column").figure.savefig("delivery.pdf")
+        >>> murmuration.save_figure(run.plot("delivery", width="column"), "delivery.pdf")
         """
         _figures.check(self._plot_problems(kind, from_s, until_s), width)
         options = [*_figures.option("--from", from_s), *_figures.option("--until", until_s), *self._files.options]

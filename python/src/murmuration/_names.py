@@ -21,6 +21,11 @@ def path_of(name: str) -> str:
     return _paths().get(name, name)
 
 
+def short_names(paths: Collection[str]) -> list[str]:
+    """The short names of these paths that have one."""
+    return [name for name, path in _paths().items() if path in paths and name != path]
+
+
 def is_name(name: str) -> bool:
     """Whether a metric has this short name or this path."""
     return name in _paths() or name in _paths().values()

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, overload
 
 from murmuration import _figures
 from murmuration._files import DataFrame
-from murmuration._names import is_name, one_of
+from murmuration._names import is_name, one_of, short_names
 from murmuration._program import InvalidInput
 from murmuration._tables import ResultFiles, preformatted, summary_of
 from murmuration._terms import in_python_terms
@@ -179,7 +179,7 @@ class Sweep:
                 return ""
             own = _full_name(name, names)
             if own is None:
-                near = _nearest(name, names)
+                near = _nearest(name, [*names, *(short_names(names) if argument == "y" else ())])
                 hint = f"the nearest {'is' if len(near) == 1 else 'are'} {', '.join(near)}" if near else otherwise
                 problems.append(f"{argument}: {name!r} {what}; {hint}")
             return own or ""

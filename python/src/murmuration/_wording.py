@@ -34,6 +34,9 @@ def failure(said: str) -> str:
     if any(_FAILED_TRIALS.match(line) for line in before):
         # Those are in the account of all trials that failed.
         before = [line for line in before if not _FAILED_TRIAL.match(line)]
+    # The last lines of a simulator that crashed are quoted in the error.
+    quoted = {line.strip() for line in lines[at:]}
+    before = [line for line in before if line.strip() not in quoted]
     parts = [with_keywords("\n".join(lines[at:])), with_keywords("\n".join(before))]
     return "\n".join(part for part in parts if part)
 
