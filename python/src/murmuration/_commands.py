@@ -27,7 +27,8 @@ FEWEST_CAMPAIGNS, MOST_CAMPAIGNS = 2, 2**63 - 1
 @in_python_terms
 def run(
     config: Config, seed: int | None = None, *, out: str | os.PathLike[str] = "runs", threads: int | None = None, robotsim: str | None = None,
-    netsim: str | None = None, replace: bool = False, allow_command: bool = False, allow_file: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] = (),
+    netsim: str | None = None, replace: bool = False, allow_command: bool = False,
+    allow_file: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] = (),
     allow_url: str | Sequence[str] = (), progress: bool | None = None, **overrides: Any,
 ) -> Run:  # fmt: skip
     """Runs an experiment and records it.
@@ -49,7 +50,7 @@ def run(
     allow_command : bool
         Allows the configuration to start simulators by `command`. Give it only for configurations that you trust.
     allow_file : str, os.PathLike or a sequence of them
-        str | os.PathLike[str] | Sequence[str | os.PathLike[str]] outside of the configuration's folder that it may read, or folders with all that is in them.
+        Files outside of the configuration's folder that it may read, or folders with all that is in them.
     allow_url : str or a sequence of str
         URLs that the configuration may call.
     progress : bool, optional
@@ -92,7 +93,9 @@ def record(config: Config, options: list[str], overrides: dict[str, Any], *, pro
 @in_python_terms
 def sweep(
     config: Config, seed: int | None = None, *, out: str | os.PathLike[str] = "runs", jobs: int | None = None, restart: bool = False,
-    allow_command: bool = False, allow_file: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] = (), allow_url: str | Sequence[str] = (), progress: bool | None = None,
+    allow_command: bool = False,
+    allow_file: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] = (),
+    allow_url: str | Sequence[str] = (), progress: bool | None = None,
     **overrides: Any,
 ) -> Sweep:  # fmt: skip
     """Runs an experiment under the settings and seeds of its section [sweep]. Trials that are in `out` already are not repeated.
@@ -112,7 +115,7 @@ def sweep(
     allow_command : bool
         Allows the configuration to start simulators by `command`. Give it only for configurations that you trust.
     allow_file : str, os.PathLike or a sequence of them
-        str | os.PathLike[str] | Sequence[str | os.PathLike[str]] outside of the configuration's folder that it may read, or folders with all that is in them.
+        Files outside of the configuration's folder that it may read, or folders with all that is in them.
     allow_url : str or a sequence of str
         URLs that the configuration may call.
     progress : bool, optional
@@ -149,7 +152,8 @@ def sweep(
 
 @in_python_terms
 def compare(
-    config: Config, data: Table, seed: int | None = None, *, memory_budget: str | None = None, allow_file: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] = (),
+    config: Config, data: Table, seed: int | None = None, *, memory_budget: str | None = None,
+    allow_file: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] = (),
     unverified: bool = False, progress: bool | None = None, **overrides: Any,
 ) -> Answer:  # fmt: skip
     """Measures how large the error of a model is on measurements, and under which conditions.
@@ -166,7 +170,7 @@ def compare(
     memory_budget : str, optional
         How much memory the measurements may take while they are read, such as "2GiB". By default 1 GiB.
     allow_file : str, os.PathLike or a sequence of them
-        str | os.PathLike[str] | Sequence[str | os.PathLike[str]] outside of the configuration's folder that it may read, or folders with all that is in them.
+        Files outside of the configuration's folder that it may read, or folders with all that is in them.
     unverified : bool
         Reads measurements that are a result although their files were changed.
     progress : bool, optional
@@ -190,7 +194,8 @@ def compare(
 @in_python_terms
 def diagnose(
     config: Config, data: Table, seed: int | None = None, *, budget_s: float | None = None, memory_budget: str | None = None,
-    allow_file: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] = (), unverified: bool = False, progress: bool | None = None, **overrides: Any,
+    allow_file: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] = (),
+    unverified: bool = False, progress: bool | None = None, **overrides: Any,
 ) -> Answer:  # fmt: skip
     """Finds the physical effects that a model lacks, from measurements.
 
@@ -208,7 +213,7 @@ def diagnose(
     memory_budget : str, optional
         How much memory the measurements may take while they are read, such as "2GiB". By default 1 GiB.
     allow_file : str, os.PathLike or a sequence of them
-        str | os.PathLike[str] | Sequence[str | os.PathLike[str]] outside of the configuration's folder that it may read, or folders with all that is in them.
+        Files outside of the configuration's folder that it may read, or folders with all that is in them.
     unverified : bool
         Reads measurements that are a result although their files were changed.
     progress : bool, optional
@@ -233,7 +238,8 @@ def diagnose(
 @in_python_terms
 def extend(
     config: Config, data: Table, output: str | os.PathLike[str], *, effect: str | None = None, all: bool = False,  # noqa: A002
-    replace: bool = False, seed: int | None = None, memory_budget: str | None = None, allow_file: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] = (),
+    replace: bool = False, seed: int | None = None, memory_budget: str | None = None,
+    allow_file: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] = (),
     unverified: bool = False, progress: bool | None = None, **overrides: Any,
 ) -> Answer:  # fmt: skip
     """Fits a missing effect to measurements and writes the configuration with it.
@@ -258,7 +264,7 @@ def extend(
     memory_budget : str, optional
         How much memory the measurements may take while they are read, such as "2GiB". By default 1 GiB.
     allow_file : str, os.PathLike or a sequence of them
-        str | os.PathLike[str] | Sequence[str | os.PathLike[str]] outside of the configuration's folder that it may read, or folders with all that is in them.
+        Files outside of the configuration's folder that it may read, or folders with all that is in them.
     unverified : bool
         Reads measurements that are a result although their files were changed.
     progress : bool, optional
@@ -284,7 +290,8 @@ def extend(
 
 @in_python_terms
 def simulate(
-    config: Config, like: Table, output: str | os.PathLike[str], seed: int | None = None, *, memory_budget: str | None = None, allow_file: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] = (),
+    config: Config, like: Table, output: str | os.PathLike[str], seed: int | None = None, *, memory_budget: str | None = None,
+    allow_file: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] = (),
     unverified: bool = False, progress: bool | None = None, **overrides: Any,
 ) -> Answer:  # fmt: skip
     """Simulates a measurement campaign with the times, places and commands of another, and writes it as CSV.
@@ -302,7 +309,7 @@ def simulate(
     memory_budget : str, optional
         How much memory the measurements may take while they are read, such as "2GiB". By default 1 GiB.
     allow_file : str, os.PathLike or a sequence of them
-        str | os.PathLike[str] | Sequence[str | os.PathLike[str]] outside of the configuration's folder that it may read, or folders with all that is in them.
+        Files outside of the configuration's folder that it may read, or folders with all that is in them.
     unverified : bool
         Reads measurements that are a result although their files were changed.
     progress : bool, optional
@@ -328,7 +335,9 @@ def simulate(
 @in_python_terms
 def power(
     config: Config, like: Table, effect: str, *, campaigns: int | None = None, seed: int | None = None,
-    memory_budget: str | None = None, allow_file: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] = (), unverified: bool = False, progress: bool | None = None, **overrides: Any,
+    memory_budget: str | None = None,
+    allow_file: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] = (),
+    unverified: bool = False, progress: bool | None = None, **overrides: Any,
 ) -> Answer:  # fmt: skip
     """Estimates how large an effect must be for a measurement campaign to detect it.
 
@@ -347,7 +356,7 @@ def power(
     memory_budget : str, optional
         How much memory the measurements may take while they are read, such as "2GiB". By default 1 GiB.
     allow_file : str, os.PathLike or a sequence of them
-        str | os.PathLike[str] | Sequence[str | os.PathLike[str]] outside of the configuration's folder that it may read, or folders with all that is in them.
+        Files outside of the configuration's folder that it may read, or folders with all that is in them.
     unverified : bool
         Reads measurements that are a result although their files were changed.
     progress : bool, optional

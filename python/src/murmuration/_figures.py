@@ -218,7 +218,7 @@ def _panel(axes: Any, panel: dict[str, Any]) -> dict[str, Any]:
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)
     low, high = panel["y"]["range"]
-    if low < 0 < high and not panel["is_map"]:
+    if low < 0 < high and any(series["mark"] == "interval" for series in panel["series"]):
         axes.axhline(0.0, color=_marks.TEXT, linewidth=0.6, alpha=0.6, zorder=1)
     entries: dict[str, Any] = {}
     for series in panel["series"]:

