@@ -122,13 +122,23 @@ def test_captions_are_those_of_the_program(run, sweep):
 
 def test_all_problems_of_a_figure_are_named(run, sweep):
     cases = [
-        (lambda: run.plot("trajectory", from_s=-1, width=3), ["kind: 'trajectory' is no kind of figure; the nearest is 'trajectories'", "from_s must be", "width must be"]),
+        (
+            lambda: run.plot("trajectory", from_s=-1, width=3),
+            ["kind: 'trajectory' is no kind of figure; the nearest is 'trajectories'", "from_s must be", "width must be"],
+        ),
         (lambda: run.plot(3), ["kind: 3 is no kind of figure"]),
         (lambda: run.plot_links(from_s=1.5, until_s=0.5), ["until_s must be later than from_s, got from_s=1.5 and until_s=0.5"]),
         (lambda: run.plot("speed", from_s=9), ["from_s must be at most 2, the end of the run, got 9"]),
         (lambda: run.plot_network(), ["kind: 'network' needs a network with routes"]),
-        (lambda: sweep.plot("radus", "pdr"), ["x: 'radus' is neither a key that varies nor a column of the trials; the nearest is netsim.phy.radius_m", "y: 'pdr' is a metric that these trials do not have"]),
-        (lambda: sweep.plot("radius_m", "broadcast_pdrr", by="seed"), ["y: 'broadcast_pdrr' is no metric of the trials; the nearest is broadcast_pdr", "by: 'seed' does not vary"]),
+        (
+            lambda: sweep.plot("radus", "pdr"),
+            ["x: 'radus' is neither a key that varies nor a column of the trials; the nearest is netsim.phy.radius_m",
+             "y: 'pdr' is a metric that these trials do not have; the nearest is broadcast_pdr"],
+        ),
+        (
+            lambda: sweep.plot("radius_m", "broadcast_pdrr", by="seed"),
+            ["y: 'broadcast_pdrr' is no metric of the trials; the nearest is broadcast_pdr", "by: 'seed' does not vary"],
+        ),
     ]  # fmt: skip
     for call, expected in cases:
         with pytest.raises(murmuration.InvalidInput) as error:

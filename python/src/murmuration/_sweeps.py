@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any, overload
 from murmuration import _figures
 from murmuration._files import DataFrame
 from murmuration._names import is_name, one_of, short_names
-from murmuration._program import InvalidInput
 from murmuration._tables import ResultFiles, preformatted, summary_of
 from murmuration._terms import in_python_terms
 
