@@ -152,6 +152,16 @@ def test_tables_are_typed_as_data_frames():
     reveal_type(murmuration.importers.read_bag("drive"))
     reveal_type(murmuration.__version__)
     reveal_type(murmuration.Radio(n=3, seed=1, period_s=0.1).step(0.1, [[0.0, 0.0]]).count())  # type: ignore[arg-type]
+    sweep = murmuration.Sweep("runs/a")
+    reveal_type(sweep.plot("agents", "pdr"))
+    reveal_type(sweep.plot("agents", ["pdr", "latency"]))
+    sweep.plot("agents", ["pdr", "latency"])[0].set_title("delivery")
+    murmuration.save_figure(run.plot("delivery", width="column"), "delivery.pdf")
+    murmuration.save_figure(sweep.plot("agents", ["pdr"]), murmuration.caption(run.plot_links()))
+
+    def steps(config: murmuration.Config) -> murmuration.DataFrame:
+        return murmuration.run(config).steps
+
     murmuration.run("a.toml", seed="three")
     """
     Path("user.py").write_text(textwrap.dedent(text))
@@ -160,6 +170,7 @@ def test_tables_are_typed_as_data_frames():
     frame = "polars.dataframe.frame.DataFrame | "
     assert revealed[0].endswith("Run") and all(kind.startswith(frame) for kind in (revealed[1], revealed[3], revealed[4])), said
     assert "LazyFrame" in revealed[2] and "str" in revealed[5] and "ndarray" in revealed[6]
+    assert revealed[7].endswith("Axes") and "ndarray" in revealed[8], said
     errors = [line for line in said.splitlines() if ": error:" in line]
     assert len(errors) == 1 and 'Argument "seed" to "run" has incompatible type "str"' in errors[0], said
 
@@ -188,6 +199,30 @@ def test_refusals_speak_of_keyword_arguments(arguments, text):
     assert str(error.value).startswith(text) and "command line" not in str(error.value) and "--" not in str(error.value)
 
 
+def test_all_problems_of_arguments_and_keys_are_named_at_once():
+    with pytest.raises(murmuration.InvalidInput) as error:
+        murmuration.run(CONFIG, seed="three", threads=0, duration_s=3, foo=2)
+    assert [line.split(",")[0].split(";")[0] for line in str(error.value).splitlines()] == [
+        "seed must be an int from 0 to 9223372036854775807",
+        "threads must be an int from 1 to 65535",
+        "there is no key duration_s",
+        "there is no key foo",
+    ]
+    with pytest.raises(murmuration.InvalidInput, match="foo must not be None; leave it out"):
+        murmuration.run(CONFIG, foo=None)
+
+
+def test_problems_of_dictionaries_and_data_frames_name_no_temporary_file():
+    import polars
+
+    started = {**CONFIG, "robotsim": {"command": ["python", "x.py"]}}
+    for call in (lambda: murmuration.run(started), lambda: murmuration.compare(CONFIG, polars.DataFrame({"a": [1]}))):
+        with pytest.raises(murmuration.InvalidInput) as error:
+            call()
+        said = str(error.value)
+        assert re.match(r"the (configuration|data frame): ", said) and not re.search(r"murmuration-|/data\.csv|^ +\d+ \|", said, flags=re.MULTILINE), said
+
+
 def test_numbers_of_numpy_are_numbers():
     import numpy
 
@@ -210,6 +245,8 @@ def test_numbers_of_numpy_are_numbers():
         ("--out runs: too small; allow more with --memory-budget", "out='runs': too small; allow more with memory_budget"),
         ("needs --allow-url http://127.0.0.1:1.", "needs allow_url='http://127.0.0.1:1'."),
         ("x is varied, so --set cannot set it", "x is varied, so a keyword argument cannot set it"),
+        ("nothing varies; use murmuration run for one run", "nothing varies; use murmuration.run for one run"),
+        ("go on with murmuration run --resume runs/a", "go on with murmuration run --resume runs/a"),
         # The words of a user's own simulator stay.
         ("RuntimeError: Usage: mine\n\nUsage: mine", "RuntimeError: Usage: mine\n\nUsage: mine"),
     ],

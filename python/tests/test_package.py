@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 import murmuration
-from murmuration import _digest, network, robots
+from murmuration import _digest, _faults, network, robots
 from murmuration._contract import common_pb2, robotsim_pb2
 from murmuration._serving import Columns, Refused
 
@@ -259,6 +259,55 @@ def test_a_fault_of_a_started_simulator_shows_its_traceback(fault, tmp_path):
         murmuration.run(by_command(text), out=tmp_path, allow_command=True)
     for expected in FAILS[fault]:
         assert expected in str(error.value), str(error.value)
+    # Once, and without the package's own code and its way of sending it, which only the dump of a crash has.
+    assert str(error.value).count(FAILS[fault][-1]) == 1
+    assert fault.startswith("ctypes") or not re.search(r"_serving\.py|Traceback|Internal", str(error.value)), str(error.value)
+
+
+def test_equal_failures_of_trials_are_listed_once(tmp_path):
+    text = """
+    import numpy, murmuration.robots
+    class Faulty(murmuration.robots.Robots):
+        def reset(self, seed, n): return numpy.zeros((n, 2))
+        def step(self, dt_s, heard): raise RuntimeError("a wheel came off")
+    murmuration.robots.serve(Faulty())
+    """
+    with pytest.raises(murmuration.MurmurationError) as error:
+        murmuration.sweep({**by_command(text), "sweep": {"seeds": 3}}, out=tmp_path, jobs=1, allow_command=True)
+    said = str(error.value)
+    assert said.startswith("3 of 3 trials failed") and "3 trials, setting-0-seed-1 the first of them: robotsim: failed in step 1" in said, said
+    assert said.count("a wheel came off") == 2 and said.count("RuntimeError: ") == 1, said
+
+
+def test_a_failed_run_says_so_when_it_is_opened(tmp_path):
+    text = """
+    import numpy, murmuration.robots
+    class Faulty(murmuration.robots.Robots):
+        def reset(self, seed, n): return numpy.zeros((n, 2))
+        def step(self, dt_s, heard): return numpy.zeros((heard.n, 2)) if self.time_s < 1 else None
+    murmuration.robots.serve(Faulty())
+    """
+    for folder, replace in (("external", False), ("external-2", False), ("external", True)):
+        with pytest.raises(murmuration.MurmurationError, match=rf"the partial recording is in {re.escape(str(tmp_path / folder))}(\n|$)"):
+            murmuration.run(by_command(text), out=tmp_path, allow_command=True, replace=replace)
+    with pytest.warns(UserWarning, match="is a run that failed after 1.0 s: robotsim: failed in step 11: step must return positions") as warned:
+        run = murmuration.Run(tmp_path / "external")
+    assert warned[0].filename == __file__ and "failed" in repr(run) and "tables: links, " in repr(run)
+
+
+def test_folders_of_the_wrong_kind_are_refused(tmp_path):
+    run = murmuration.run(CONFIG, out=tmp_path)
+    sweep = murmuration.sweep({**CONFIG, "experiment": {**CONFIG["experiment"], "name": "many"}, "sweep": {"seeds": 2}}, out=tmp_path)
+    with pytest.raises(murmuration.InvalidInput, match="is the folder of a run; open it with murmuration.Run"):
+        murmuration.Sweep(run.folder)
+    with pytest.raises(murmuration.InvalidInput, match="is the folder of a sweep; open it with murmuration.Sweep"):
+        murmuration.Run(sweep.folder)
+    for kind in (murmuration.Run, murmuration.Sweep):
+        with pytest.raises(FileNotFoundError, match="it has no summary.json"):
+            kind(tmp_path)
+    assert "small: 5 robots, seed 1, 20 steps" in repr(murmuration.Run(run.folder))
+    assert "many: 1 settings, 2 trials" in repr(murmuration.Sweep(sweep.folder))
+    assert not [name for name in dir(murmuration.Sweep) if name.startswith("_") and not name.startswith("__") and name not in ("_repr_html_", "_keys", "_resolved", "_described")]
 
 
 def test_a_program_that_cannot_be_imported_shows_why(tmp_path):
@@ -439,9 +488,20 @@ def test_requests_to_predict_that_make_no_sense_are_refused(windows, options, te
 
 class Two(robots.Robots):
     positions = np.zeros((2, 2))
+    said: object = None
+    told: object = {}
 
     def reset(self, seed, n):
         return self.positions
+
+    def step(self, dt_s, heard):
+        return self.positions
+
+    def payloads(self):
+        return self.said
+
+    def figures(self):
+        return self.told
 
 
 @pytest.mark.parametrize(
@@ -450,6 +510,9 @@ class Two(robots.Robots):
         (np.zeros((3, 2)), "reset must return positions of shape (2, 2) or (2, 3), got (3, 2)"),
         (np.zeros((2, 4)), "reset must return positions of shape (2, 2) or (2, 3), got (2, 4)"),
         (np.array([[0.0, 0.0], [np.nan, 1.0]]), "for robot 1"),
+        (None, "(2, 3), got None; end it with a return statement"),
+        ("here", "(2, 3), got 'here' (str)"),
+        ([[1.0, 2.0], [3.0]], "(2, 3), got [[1.0, 2.0], [3.0]] (list)"),
     ],
 )
 def test_positions_of_the_wrong_form_are_named(positions, text):
@@ -457,6 +520,47 @@ def test_positions_of_the_wrong_form_are_named(positions, text):
     service.simulator.positions = positions
     with pytest.raises(ValueError, match=re.escape(text)):
         service._configure(robots.robotsim_pb2.RobotSimServiceConfigureRequest(seed=1, agent_count=2))
+
+
+@pytest.mark.parametrize(
+    "answer, text",
+    [
+        ({"said": [b"a"]}, "payloads must return a list of 2 bytes objects, one for each robot, got 1"),
+        ({"said": ["a", "b"]}, "got 'a' (str) for robot 0; use its method encode()"),
+        ({"said": b"ab"}, "one for each robot, or None, got b'ab' (bytes)"),
+        ({"told": {"words": "many"}}, "figures must return numbers, got 'many' (str) for 'words'"),
+        ({"told": 3}, "figures must return a dictionary of numbers by name, got 3 (int)"),
+    ],
+)
+def test_payloads_and_figures_of_the_wrong_form_are_named(answer, text):
+    service = robots._Service(Two())
+    service._configure(robotsim_pb2.RobotSimServiceConfigureRequest(seed=1, agent_count=2))
+    for name, value in answer.items():
+        setattr(service.simulator, name, value)
+    with pytest.raises(ValueError, match=re.escape(text)) as error:
+        steps(service, 1, 1)
+    # Where the method is.
+    assert re.search(rf'{re.escape(__file__)}", line \d+, in Two\.(payloads|figures)$', error.value.__notes__[0])
+
+
+def test_causes_of_an_exception_are_shown():
+    def fails():
+        try:
+            {}["wheel"]
+        except KeyError as error:
+            raise RuntimeError("no wheel") from error
+
+    with pytest.raises(RuntimeError) as error:
+        fails()
+    first, *others = _faults.shown(error.value).splitlines()
+    assert first == "RuntimeError: no wheel" and "caused by KeyError: 'wheel'" in others
+    assert [line.strip() for line in others if "wheel" in line] == ['raise RuntimeError("no wheel") from error', "caused by KeyError: 'wheel'", '{}["wheel"]']
+
+
+def test_positions_are_not_averaged_over_payloads_without_positions():
+    heard = robots.Heard(1, *(np.zeros(1, dtype=int),) * 2, *(np.full((1, 3), np.nan),) * 2, *(np.zeros(1),) * 2, [b"word"])
+    with pytest.raises(ValueError, match="decode heard.payload instead"):
+        heard.mean_position_m(np.zeros((1, 2)))
 
 
 def deliveries(n_sent, **columns):

@@ -84,12 +84,12 @@ def test_who_heard_whom_is_drawn_from_the_links(run):
     axes = run.plot_links(from_s=1.0, until_s=2.0, width="column")
     heard = run.links.filter(run.links["received"] & (run.links["time_ns"] >= 1_000_000_000))
     pairs = set(heard.select("sender", "receiver").iter_rows())
-    arrows = [text for text in axes.texts if text.arrow_patch is not None]
+    (arrows,) = [child.arrows for child in axes.get_children() if type(child).__name__ == "Arrows"]
     assert len(arrows) == len(pairs) > 0
     assert abs(axes.figure.get_size_inches()[0] - 88 / 25.4) < 1e-9
-    with pytest.raises(murmuration.InvalidInput, match="no mote has a parent"):
+    with pytest.raises(murmuration.InvalidInput, match="needs a network with routes, and this run has none"):
         run.plot_network()
-    with pytest.raises(murmuration.InvalidInput, match=r"is no KIND(?s:.*)trajectories"):
+    with pytest.raises(murmuration.InvalidInput, match=r"is no kind of figure(?s:.*)trajectories"):
         run.plot("pie")
     with pytest.raises(ValueError, match='"column", "page", or a number of millimetres from 40 to 400, got 3'):
         run.plot(width=3)
@@ -111,9 +111,9 @@ def test_a_figure_of_a_sweep_is_drawn_over_a_setting(sweep, monkeypatch):
     spreads = [setting["metrics"][figure] for setting in sweep.summary["settings"]]
     assert np.allclose(ends, [(spread["min"], spread["max"]) for spread in spreads])
     grouped = sweep.plot("experiment.seed", figure, by="netsim.phy.radius_m")
-    assert [text.get_text() for text in grouped.get_legend().get_texts()] == ["1.0", "5.0", "20.0"] and len(grouped.lines) == 3
+    assert [text.get_text() for text in grouped.figure.legends[0].get_texts()] == ["1.0", "5.0", "20.0"] and len(grouped.lines) == 3
     assert sweep.plot("radius_m", figure).get_xlabel() == "phy radius (m)"
-    with pytest.raises(ValueError, match="the trials have no column netsim.phy.radius; the nearest are netsim.phy.radius_m"):
+    with pytest.raises(ValueError, match="nor a column of the trials; the nearest is netsim.phy.radius_m"):
         sweep.plot("netsim.phy.radius", figure)
     # The short name of the same metric; of several metrics each has a panel.
     short, _ = sweep.plot("netsim.phy.radius_m", ["broadcast_pdr", "flock_speed"], width="page")

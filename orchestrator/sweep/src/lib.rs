@@ -478,7 +478,11 @@ fn collect(
             Said::Done(trial, row) => {
                 if let (true, Some(reason)) = (row.has_failed(), &row.reason) {
                     let name = plan.trial_name(trial);
-                    terminal::warn(format!("trial {name} failed twice: {reason}"));
+                    // The same failure of many trials is reported once; the results have them all.
+                    let first_line = reason.lines().next().unwrap_or_default();
+                    if !account.failed.iter().any(|(_, earlier)| earlier == reason) {
+                        terminal::warn(format!("trial {name} failed twice: {first_line}"));
+                    }
                     account.failed.push((name, reason.clone()));
                 }
                 if let Err(error) = journal.add(&row) {

@@ -118,18 +118,41 @@ pub(super) fn write(
     Ok((summary, told))
 }
 
-/// That some trials failed; none: none did.
+/// Different reasons of failures that a warning quotes.
+const MOST_REASONS: usize = 3;
+
+/// That some trials failed, and why, equal reasons together; none: none did.
 fn failed(plan: &SweepPlan, rows: &BTreeMap<SweepTrial, TrialRow>) -> Option<String> {
-    let mut failed = rows.iter().filter(|(_, row)| row.has_failed());
-    let (first, row) = failed.next()?;
-    Some(format!(
-        "{} of {} trials failed and have no figures; {TABLE_FILE} says why in column {}. {}: {}",
-        1 + failed.count(),
+    let mut by_reason: Vec<(&str, Vec<SweepTrial>)> = Vec::new();
+    for (trial, row) in rows.iter().filter(|(_, row)| row.has_failed()) {
+        let reason = row.reason.as_deref().unwrap_or_default();
+        match by_reason.iter_mut().find(|(earlier, _)| *earlier == reason) {
+            Some((_, trials)) => trials.push(*trial),
+            None => by_reason.push((reason, vec![*trial])),
+        }
+    }
+    if by_reason.is_empty() {
+        return None;
+    }
+    let mut text = format!(
+        "{} of {} trials failed and have no figures; {TABLE_FILE} says why in column {}",
+        by_reason.iter().map(|(_, trials)| trials.len()).sum::<usize>(),
         rows.len(),
         table::ERROR,
-        plan.trial_name(*first),
-        row.reason.as_deref().unwrap_or_default()
-    ))
+    );
+    by_reason.sort_by_key(|(_, trials)| std::cmp::Reverse(trials.len()));
+    for (reason, trials) in by_reason.iter().take(MOST_REASONS) {
+        let name = plan.trial_name(trials[0]);
+        let _ = match trials.len() {
+            1 => write!(text, "\n{name}: {reason}"),
+            n => write!(text, "\n{n} trials, {name} the first of them: {reason}"),
+        };
+    }
+    let n_others = by_reason.len().saturating_sub(MOST_REASONS);
+    if 0 < n_others {
+        let _ = write!(text, "\nand {n_others} other reasons");
+    }
+    Some(text)
 }
 
 /// Which settings have trials whose network did not form; none: all have formed.

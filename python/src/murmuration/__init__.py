@@ -15,14 +15,17 @@ import importlib as _importlib
 import typing as _typing
 
 from murmuration import export, importers
-from murmuration._answers import Answer, Run, Sweep
+from murmuration._answers import Answer, Run
 from murmuration._commands import compare, diagnose, extend, metrics, power, run, simulate, sweep
+from murmuration._figures import caption, save_figure
+from murmuration._files import Config, DataFrame, Table
 from murmuration._program import InvalidInput, MurmurationError, program
+from murmuration._sweeps import Sweep
 
 __all__ = [
-    "Answer", "InvalidInput", "MurmurationError", "Radio", "Run", "Sweep", "__version__",
-    "compare", "diagnose", "env", "export", "extend", "importers", "metrics", "network", "power", "program", "radio", "robots", "run",
-    "simulate", "sweep",
+    "Answer", "Config", "DataFrame", "InvalidInput", "MurmurationError", "Radio", "Run", "Sweep", "Table", "__version__",
+    "caption", "compare", "diagnose", "env", "export", "extend", "importers", "metrics", "network", "power", "program", "radio", "robots",
+    "run", "save_figure", "simulate", "sweep",
 ]  # fmt: skip
 
 if _typing.TYPE_CHECKING:

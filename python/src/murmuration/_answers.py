@@ -1,118 +1,53 @@
-"""What the program answers: recorded runs, sweeps, and reports about measurements."""
+"""What the program answers: recorded runs, and reports about measurements."""
 
 from __future__ import annotations
 
-import contextlib
 import difflib
 import functools
-import hashlib
-import html
-import importlib
 import json
-from collections.abc import Iterator, Mapping, Sequence
+import warnings
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from murmuration import _figures
 from murmuration._files import DataFrame, private_folder
-from murmuration._names import one_of, path_of
-from murmuration._program import MurmurationError, call
+from murmuration._names import path_of
+from murmuration._program import InvalidInput, MurmurationError, call
+from murmuration._tables import ResultFiles, preformatted, summary_of
 from murmuration._terms import in_python_terms
 
 if TYPE_CHECKING:
     import polars
     from matplotlib.axes import Axes
 
-
-def read_table(path: Path) -> DataFrame:
-    """A Parquet file as a data frame of polars, or of pandas where polars is not installed."""
-    _check_table(path)
-    library = _table_library()
-    return library.read_parquet(path)
-
-
-def scan_table(path: Path) -> polars.LazyFrame:
-    """A Parquet file as a lazy frame of polars, which reads the columns and rows that a query needs."""
-    _check_table(path)
-    try:
-        import polars
-    except ImportError:
-        raise ImportError("lazy tables need polars: pip install polars") from None
-    return polars.scan_parquet(path)
-
-
-def table_of(columns: Mapping[str, Any]) -> DataFrame:
-    """A data frame of polars, or of pandas where polars is not installed, from its columns."""
-    return _table_library().DataFrame(dict(columns))
+# Figures of a run: the file that each needs, and what it shows.
+_KINDS = {
+    "trajectories": ("steps.parquet", "where the robots went, from above"),
+    "links": ("links.parquet", "who heard whom, and how many of the frames"),
+    "network": ("motes.parquet", "the parent of each mote at the end"),
+    "speed": ("steps.parquet", "speed of the flock and of its robots over time"),
+    "neighbours": ("steps.parquet", "how many others each robot hears over time"),
+    "delivery": ("summary.json", "delivery ratio over distance"),
+    "latency": ("packets.parquet", "latency of delivered packets, cumulative"),
+}
+# Files that some runs alone leave.
+_LEFT_BY = {"packets.parquet": 'only a run with mode = "6tisch" leaves'}
+# The latest time that a figure may begin or end at (s).
+_LATEST_S = 1_000_000_000
+# What became of runs that are not complete.
+_ENDED = {"failed": "failed", "interrupted": "was interrupted"}
 
 
-def _table_library() -> Any:
-    """polars, or pandas where polars is not installed."""
-    for name in ("polars", "pandas"):
-        with contextlib.suppress(ImportError):
-            return importlib.import_module(name)
-    raise ImportError("tables need polars or pandas: pip install polars")
-
-
-def _check_table(path: Path) -> None:
-    """Raises an error that names the tables that are there, if this one is not."""
-    if path.is_file():
-        return
-    there = ", ".join(sorted(file.stem for file in path.parent.glob("*.parquet")))
-    raise FileNotFoundError(
-        f"{path} is not there: the configuration's section [output] says which tables a run leaves. This one left: {there or 'none'}"
-    )
-
-
-class _Files:
-    """The files of a result. Each is read only if it is what was written, by its SHA-256 in provenance.json, or if `unverified`."""
-
-    def __init__(self, folder: Path, unverified: bool) -> None:
-        self._folder = folder
-        self._unverified = unverified
-
-    @property
-    def options(self) -> list[str]:
-        """The option of the command line for files that are read unchecked."""
-        return ["--unverified"] if self._unverified else []
-
-    @functools.cached_property
-    def _listed(self) -> dict[str, Any]:
-        path = self._folder / "provenance.json"
-        try:
-            files = json.loads(path.read_bytes())["files"]
-        except (OSError, ValueError, KeyError, TypeError) as error:
-            raise MurmurationError(f"{path} lists no files ({error!r}): give unverified=True to read them unchecked") from None
-        return dict(files)
-
-    def path(self, name: str) -> Path:
-        """The path of a file that is what was written."""
-        path = self._folder / name
-        if self._unverified or not path.is_file():
-            return path
-        expected = self._listed.get(name)
-        if expected is None:
-            raise MurmurationError(f"{path}: provenance.json does not list it; give unverified=True to read it unchecked")
-        with path.open("rb") as file:
-            found = hashlib.file_digest(file, "sha256").hexdigest()
-        if found != expected.get("sha256"):
-            raise MurmurationError(
-                f"{path}: its content is not what was written, by the SHA-256 in provenance.json; `murmuration verify` tells where; "
-                "give unverified=True to read it as it is"
-            )
-        return path
-
-    def table(self, name: str) -> DataFrame:
-        return read_table(self.path(f"{name}.parquet"))
-
-    def scan(self, name: str) -> polars.LazyFrame:
-        return scan_table(self.path(f"{name}.parquet"))
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 class Run:
     """A recorded run: its folder, and its tables, each read when it is first asked for.
 
     A file is read only if it is what the run wrote. docs/outputs.md lists the columns of every table with their units.
+    A run that failed or was interrupted is a folder of results, too: opening it warns of that, and `summary["reason"]` says why it ended.
 
     Parameters
     ----------
@@ -134,6 +69,8 @@ class Run:
     ------
     FileNotFoundError
         The folder has no `summary.json`.
+    InvalidInput
+        It is the folder of a sweep.
 
     Examples
     --------
@@ -144,9 +81,12 @@ class Run:
     def __init__(self, folder: str | Path, printed: str = "", *, unverified: bool = False) -> None:
         self.folder = Path(folder)
         self.printed = printed
-        self._files = _Files(self.folder, unverified)
-        if not (self.folder / "summary.json").is_file():
-            raise FileNotFoundError(f"{self.folder} is not the folder of a recorded run: it has no summary.json")
+        self._files = ResultFiles(self.folder, unverified)
+        summary = summary_of(self.folder, "run")
+        if summary.get("status") in ("failed", "interrupted"):
+            first_line, *_ = str(summary.get("reason") or "no reason was recorded").splitlines()
+            text = f"{self.folder} is a run that {_ENDED[summary['status']]} after {summary.get('simulated_s')} s: {first_line}"
+            warnings.warn(text, stacklevel=2)
 
     @functools.cached_property
     def summary(self) -> dict[str, Any]:
@@ -178,6 +118,8 @@ class Run:
         InvalidInput
             There is no such metric. The text has the nearest.
         """
+        if not isinstance(name, str):
+            raise InvalidInput(f"name must be a str, got {name!r}")
         value: Any = self.summary
         for part in path_of(name).split("."):
             value = value.get(part) if isinstance(value, dict) else None
@@ -318,10 +260,54 @@ class Run:
 
         Examples
         --------
-        >>> run.plot("delivery", width="column").figure.savefig("delivery.pdf")
+        >>> murmuration.save_figure(run.plot("delivery", width="column"), "delivery.pdf")
         """
+        _figures.check(self._plot_problems(kind, from_s, until_s), width)
         options = [*_figures.option("--from", from_s), *_figures.option("--until", until_s), *self._files.options]
-        return _figures.draw(_figures.content(self.folder, [kind], options), axes, width)
+        try:
+            figure = _figures.content(self.folder, [kind], options)
+        except InvalidInput as error:
+            raise InvalidInput(f"{error}{self._span() if str(error).endswith('in that span of time') else ''}") from None
+        return _figures.draw(figure, axes, width)[0]
+
+    def _span(self) -> str:
+        """When robots were released and when the run ended."""
+        started_s, end_s = float(self.summary.get("robots_started_s") or 0.0), float(self.summary["simulated_s"])
+        waited = f"; the network formed until {started_s:g} s, and robots started then" if started_s > 0 else ""
+        return f"{waited}; the run ended at {end_s:g} s"
+
+    def _plot_problems(self, kind: Any, from_s: Any, until_s: Any) -> list[str]:
+        """What is wrong with the arguments of a figure."""
+        problems = [] if isinstance(kind, str) and kind in _KINDS else [f"kind: {kind!r} is no kind of figure; {self._kinds(kind)}"]
+        for name, time_s in (("from_s", from_s), ("until_s", until_s)):
+            is_time = time_s is None or (_is_number(time_s) and 0 <= time_s <= _LATEST_S)
+            problems += [] if is_time else [f"{name} must be a number of seconds from 0 to {_LATEST_S}, got {time_s!r}"]
+        if problems:
+            return problems
+        end_s = float(self.summary["simulated_s"])
+        if from_s is not None and until_s is not None and until_s <= from_s:
+            problems.append(f"until_s must be later than from_s, got from_s={from_s:g} and until_s={until_s:g}")
+        elif from_s is not None and end_s < from_s:
+            problems.append(f"from_s must be at most {end_s:g}, the end of the run, got {from_s:g}")
+        if kind in _KINDS and self._lacks(kind):
+            problems.append(f"kind: {kind!r} {self._lacks(kind)}; {self._kinds(None)}")
+        return problems
+
+    def _lacks(self, kind: str) -> str:
+        """Why the run has no such figure; empty: it has."""
+        if kind == "network" and not self.summary.get("kpis"):
+            return "needs a network with routes, and this run has none"
+        file = _KINDS[kind][0]
+        if (self.folder / file).is_file():
+            return ""
+        return f"needs {file}, which {_LEFT_BY.get(file, 'this run did not leave: see section [output] of its configuration')}"
+
+    def _kinds(self, kind: Any) -> str:
+        """The kinds that this run has, with the nearest first."""
+        lines = [f"  {name:<13} {shows}" for name, (_, shows) in _KINDS.items() if not self._lacks(name)]
+        near = difflib.get_close_matches(kind, _KINDS, n=1) if isinstance(kind, str) else []
+        nearest = f"the nearest is {near[0]!r}; " if near else ""
+        return "\n".join([f"{nearest}there are:", *lines])
 
     def plot_links(
         self, *, from_s: float | None = None, until_s: float | None = None, width: str | float | None = None, axes: Axes | None = None
@@ -376,171 +362,27 @@ class Run:
         return self.plot("network", until_s=until_s, width=width, axes=axes)
 
     def __repr__(self) -> str:
-        return f"Run({str(self.folder)!r})\n{self.printed}".rstrip()
+        return f"Run({str(self.folder)!r})\n{self._described()}".rstrip()
 
     def _repr_html_(self) -> str:
-        return _pre(f"{self.printed}\n{self.folder}")
+        return preformatted(f"{self._described()}\n{self.folder}")
+
+    def _described(self) -> str:
+        """What the program printed; of a run that was opened, what it was."""
+        if self.printed:
+            return self.printed
+        summary = self.summary
+        status = summary.get("status")
+        ended = f", {_ENDED[status]}" if status in _ENDED else ""
+        agents, steps = summary.get("agent_count"), summary.get("steps")
+        return (
+            f"{summary.get('name')}: {agents} robots, seed {summary.get('seed')}, {steps} steps, {summary.get('simulated_s'):g} s simulated{ended}\n"
+            f"tables: {', '.join(self._files.tables()) or 'none'}"
+        )
 
 
-class Sweep:
-    """A finished sweep: its folder and its table of trials.
-
-    Parameters
-    ----------
-    folder : str or pathlib.Path
-        Folder of the sweep.
-    printed : str
-        What the program printed about the sweep.
-    unverified : bool
-        Reads files although they were changed after the sweep.
-
-    Attributes
-    ----------
-    folder : pathlib.Path
-        Folder of the sweep.
-    printed : str
-        What the program printed about the sweep.
-    """
-
-    def __init__(self, folder: str | Path, printed: str = "", *, unverified: bool = False) -> None:
-        self.folder = Path(folder)
-        self.printed = printed
-        self._files = _Files(self.folder, unverified)
-
-    @functools.cached_property
-    def trials(self) -> DataFrame:
-        """One row for each trial: its settings, its seed and its figures.
-
-        Returns
-        -------
-        polars.DataFrame or pandas.DataFrame
-            The table; of polars if it is installed.
-        """
-        return self._files.table("trials")
-
-    def scan(self, table: str = "trials") -> polars.LazyFrame:
-        """Returns a table as a lazy frame, for tables that are larger than the memory.
-
-        Parameters
-        ----------
-        table : str
-            Name of the table.
-
-        Returns
-        -------
-        polars.LazyFrame
-            The table. A query reads the columns and rows that it needs.
-        """
-        return self._files.scan(table)
-
-    @functools.cached_property
-    def summary(self) -> dict[str, Any]:
-        """Figures of each setting over its trials: the content of summary.json.
-
-        Returns
-        -------
-        dict
-            The settings under "settings": the values of the keys that vary, and of each metric n, median and interval.
-        """
-        return json.loads(self._files.path("summary.json").read_text())
-
-    @in_python_terms
-    def plot(
-        self, x: str, y: str | Sequence[str], *, by: str | None = None, width: str | float | None = None, axes: Axes | None = None
-    ) -> Axes:
-        """Draws metrics over what varies: a dot for each trial, and the median of each setting with its interval. Needs matplotlib.
-
-        The medians and intervals are those of the report, of the terminal and of summary.json.
-
-        Parameters
-        ----------
-        x : str
-            What lies along the horizontal axis: a key that varies, such as "netsim.phy.radius_m", its last word, or "case". Any other
-            column of `trials` draws a dot for each trial over it.
-        y : str or list of str
-            Metric, such as "pdr" or "network.delivery_ratio", or several, each in a panel of its own.
-        by : str, optional
-            What colours and marks tell apart. By default everything else that varies.
-        width : str or float, optional
-            Width for print: "column" (88 mm), "page" (180 mm), or millimetres from 40 to 400. By default matplotlib's own size.
-        axes : matplotlib.axes.Axes, optional
-            Axes to draw on. By default new ones.
-
-        Returns
-        -------
-        matplotlib.axes.Axes
-            The axes; an array of them of several metrics.
-
-        Raises
-        ------
-        ValueError
-            The trials have no such column. The text has the nearest.
-
-        Examples
-        --------
-        >>> sweep.plot("netsim.sf.kind", ["pdr", "latency"], width="page")[0].figure.savefig("figure.pdf")
-        """
-        names = [y] if isinstance(y, str) else list(y)
-        if not self._varies(x):
-            columns = [self._column(name) for name in names]
-            return self._dots(self._column(x), columns, None if by is None else self._column(by), width, axes)
-        options = ["--x", x, *_figures.option("--by", by), *self._files.options]
-        return _figures.draw(_figures.content(self.folder, names, options), axes, width)
-
-    def _varies(self, name: str) -> bool:
-        """Whether settings differ in this key, given whole or by its last word, or in their case."""
-        keys = ["case", *(key for setting in self.summary["settings"] for key in setting["values"])]
-        return any(name in (key, key.rsplit(".", 1)[-1]) for key in keys)
-
-    def _dots(self, x: str, ys: list[str], by: str | None, width: str | float | None, axes: Axes | None) -> Axes:
-        """A dot for each trial over a column that is no setting."""
-        columns = {name: self.trials[name].to_numpy().astype(float).tolist() for name in (x, *ys)}
-        groups = [""] * len(columns[x]) if by is None else [str(value) for value in self.trials[by].to_numpy().tolist()]
-
-        def axis(name: str) -> dict[str, Any]:
-            known = [value for value in columns[name] if value == value]
-            low, high = (min(known), max(known)) if known else (0.0, 1.0)
-            margin = 0.05 * (high - low) or 0.5
-            return {"label": name, "scale": "linear", "range": [low - margin, high + margin], "ticks": [], "is_share": False, "categories": []}
-
-        def panel(y: str) -> dict[str, Any]:
-            rows = list(zip(groups, columns[x], columns[y], strict=True))
-            series = [
-                {"name": group, "mark": "dot", "group": n, "points": [{"x": a, "y": b} for own, a, b in rows if own == group]}
-                for n, group in enumerate(dict.fromkeys(groups))
-            ]
-            return {"x": axis(x), "y": axis(y), "is_map": False, "colour": None, "series": series}
-
-        return _figures.draw({"title": "", "panels": [panel(y) for y in ys]}, axes, width)
-
-    def _column(self, name: str) -> str:
-        """The column of this name, or of the metric that has this name."""
-        column = one_of(list(self.trials.columns), name)
-        if column is None:
-            near = difflib.get_close_matches(name, self.trials.columns, n=3, cutoff=0.0)
-            raise ValueError(f"the trials have no column {name}; the nearest are {', '.join(near)}")
-        return column
-
-    @property
-    def report(self) -> Path:
-        """Path of the page about the sweep.
-
-        Returns
-        -------
-        pathlib.Path
-            The page (HTML).
-        """
-        return self.folder / "report.html"
-
-    def __repr__(self) -> str:
-        return f"Sweep({str(self.folder)!r})\n{self.printed}".rstrip()
-
-    def _repr_html_(self) -> str:
-        return _pre(self.printed)
-
-
-# The figure of an answer that says most.
-_KINDS = {"diagnose": "ladder", "compare": "errors", "power": "power"}
+# Figures of answers, first the one that says most.
+_KINDS_OF_ANSWERS = {"diagnose": ("ladder", "gains"), "compare": ("errors",), "power": ("power",)}
 
 
 class Answer(Mapping[str, Any]):
@@ -575,7 +417,7 @@ class Answer(Mapping[str, Any]):
         return len(self.content)
 
     @in_python_terms
-    def plot(self, kind: str | None = None, *, width: str | float | None = None, axes: Axes | None = None) -> Axes:
+    def plot(self, kind: str | None = None, *, width: str | float | None = None, axes: Axes | None = None) -> Any:
         """Draws a figure of an answer of `compare`, `diagnose` or `power`. Needs matplotlib.
 
         Parameters
@@ -597,19 +439,25 @@ class Answer(Mapping[str, Any]):
         InvalidInput
             There is no such figure. The text lists those that there are.
         """
+        _figures.check([], width)
         command, _, _ = str(self.content.get("schema", "")).partition("/")
-        kinds = [kind or _KINDS.get(command, command)]
+        if command not in _KINDS_OF_ANSWERS:
+            raise InvalidInput(f"an answer of {command} has no figures; answers of {', '.join(_KINDS_OF_ANSWERS)} have")
+        kinds = _KINDS_OF_ANSWERS[command]
+        if kind is not None and kind not in kinds:
+            raise InvalidInput(f"kind must be {' or '.join(map(repr, kinds))} for an answer of {command}, got {kind!r}")
         with private_folder() as folder:
             file = folder / "answer.json"
             file.write_text(json.dumps(self.content))
-            return _figures.draw(_figures.content(file, kinds), axes, width)
+            try:
+                figure = _figures.content(file, [kind or kinds[0]])
+            except MurmurationError as error:
+                raise type(error)(str(error).replace(f"{file}: ", "the answer ").replace(str(file), "the answer")) from None
+        drawn = _figures.draw(figure, axes, width)
+        return drawn[0] if len(drawn) == 1 else drawn
 
     def __repr__(self) -> str:
         return self.printed.rstrip()
 
     def _repr_html_(self) -> str:
-        return _pre(self.printed)
-
-
-def _pre(text: str) -> str:
-    return f"<pre>{html.escape(text.strip())}</pre>"
+        return preformatted(self.printed)

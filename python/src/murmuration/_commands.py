@@ -6,28 +6,29 @@ import contextlib
 import json
 import os
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from murmuration._answers import Answer, Run, Sweep
+from murmuration._answers import Answer, Run
 from murmuration._files import Config, Table, config_file, private_folder, settings, table_file
 from murmuration._program import InvalidInput, MurmurationError, call
+from murmuration._sweeps import Sweep
 from murmuration._terms import in_python_terms, whole_number
-
-File = str | os.PathLike[str]
-Files = File | Sequence[File]
 
 # Limits of the program's options.
 MOST_SEED = 2**63 - 1
 MOST_THREADS = 65_535
+# The line above the problems of a configuration.
+_N_PROBLEMS = re.compile(r": \d+ problems$")
 FEWEST_CAMPAIGNS, MOST_CAMPAIGNS = 2, 2**63 - 1
 
 
 @in_python_terms
 def run(
-    config: Config, seed: int | None = None, *, out: File = "runs", threads: int | None = None, robotsim: str | None = None,
-    netsim: str | None = None, replace: bool = False, allow_command: bool = False, allow_file: Files = (),
+    config: Config, seed: int | None = None, *, out: str | os.PathLike[str] = "runs", threads: int | None = None, robotsim: str | None = None,
+    netsim: str | None = None, replace: bool = False, allow_command: bool = False,
+    allow_file: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] = (),
     allow_url: str | Sequence[str] = (), progress: bool | None = None, **overrides: Any,
 ) -> Run:  # fmt: skip
     """Runs an experiment and records it.
@@ -74,8 +75,11 @@ def run(
     >>> run = murmuration.run("configs/flocking.toml", seed=3, netsim__phy__propagation="friis")
     >>> run.summary["task"]["polarisation"]
     """
-    options = [*_seed(seed), *_number("--threads", threads, 1, MOST_THREADS), *_url("robotsim", robotsim), *_url("netsim", netsim)]
-    options += [*_flag("--replace", replace), *_allowed(allow_command, allow_file, allow_url), "--out", os.fspath(out)]
+    options = _options(
+        config, overrides, lambda: _seed(seed), lambda: _number("--threads", threads, 1, MOST_THREADS),
+        lambda: _url("robotsim", robotsim), lambda: _url("netsim", netsim), lambda: _allowed(allow_command, allow_file, allow_url),
+    )  # fmt: skip
+    options += [*_flag("--replace", replace), "--out", os.fspath(out)]
     return record(config, options, overrides, progress=progress)
 
 
@@ -88,8 +92,10 @@ def record(config: Config, options: list[str], overrides: dict[str, Any], *, pro
 
 @in_python_terms
 def sweep(
-    config: Config, seed: int | None = None, *, out: File = "runs", jobs: int | None = None, restart: bool = False,
-    allow_command: bool = False, allow_file: Files = (), allow_url: str | Sequence[str] = (), progress: bool | None = None,
+    config: Config, seed: int | None = None, *, out: str | os.PathLike[str] = "runs", jobs: int | None = None, restart: bool = False,
+    allow_command: bool = False,
+    allow_file: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] = (),
+    allow_url: str | Sequence[str] = (), progress: bool | None = None,
     **overrides: Any,
 ) -> Sweep:  # fmt: skip
     """Runs an experiment under the settings and seeds of its section [sweep]. Trials that are in `out` already are not repeated.
@@ -134,8 +140,11 @@ def sweep(
     >>> config = {**experiment, "sweep": {"seeds": 5, "vary": {"netsim.phy.radius_m": [5.0, 10.0, 20.0]}}}
     >>> murmuration.sweep(config, jobs=4).plot("netsim.phy.radius_m", "broadcast_pdr")
     """
-    options = [*_seed(seed), *_number("--jobs", jobs, 1, MOST_THREADS), *_flag("--restart", restart)]
-    options += _allowed(allow_command, allow_file, allow_url)
+    options = _options(
+        config, overrides, lambda: _seed(seed), lambda: _number("--jobs", jobs, 1, MOST_THREADS),
+        lambda: _allowed(allow_command, allow_file, allow_url),
+    )  # fmt: skip
+    options += _flag("--restart", restart)
     with config_file(config) as path:
         printed = call(["sweep", path, "--out", out, *options, *settings(overrides)], progress)
     return Sweep(_folder(printed), printed)
@@ -143,7 +152,8 @@ def sweep(
 
 @in_python_terms
 def compare(
-    config: Config, data: Table, seed: int | None = None, *, memory_budget: str | None = None, allow_file: Files = (),
+    config: Config, data: Table, seed: int | None = None, *, memory_budget: str | None = None,
+    allow_file: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] = (),
     unverified: bool = False, progress: bool | None = None, **overrides: Any,
 ) -> Answer:  # fmt: skip
     """Measures how large the error of a model is on measurements, and under which conditions.
@@ -178,13 +188,14 @@ def compare(
     InvalidInput
         The configuration, the measurements or an argument is invalid. The text names all problems.
     """
-    return _about("compare", config, data, [*_seed(seed), *_reading(memory_budget, allow_file, unverified)], overrides, progress)
+    return _about("compare", config, data, [*_options(config, overrides, lambda: _seed(seed)), *_reading(memory_budget, allow_file, unverified)], overrides, progress)
 
 
 @in_python_terms
 def diagnose(
     config: Config, data: Table, seed: int | None = None, *, budget_s: float | None = None, memory_budget: str | None = None,
-    allow_file: Files = (), unverified: bool = False, progress: bool | None = None, **overrides: Any,
+    allow_file: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] = (),
+    unverified: bool = False, progress: bool | None = None, **overrides: Any,
 ) -> Answer:  # fmt: skip
     """Finds the physical effects that a model lacks, from measurements.
 
@@ -220,14 +231,15 @@ def diagnose(
     InvalidInput
         The configuration, the measurements or an argument is invalid. The text names all problems.
     """
-    options = [*_seed(seed), *_option("--budget", budget_s), *_reading(memory_budget, allow_file, unverified)]
+    options = [*_options(config, overrides, lambda: _seed(seed)), *_option("--budget", budget_s), *_reading(memory_budget, allow_file, unverified)]
     return _about("diagnose", config, data, options, overrides, progress)
 
 
 @in_python_terms
 def extend(
-    config: Config, data: Table, output: File, *, effect: str | None = None, all: bool = False,  # noqa: A002
-    replace: bool = False, seed: int | None = None, memory_budget: str | None = None, allow_file: Files = (),
+    config: Config, data: Table, output: str | os.PathLike[str], *, effect: str | None = None, all: bool = False,  # noqa: A002
+    replace: bool = False, seed: int | None = None, memory_budget: str | None = None,
+    allow_file: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] = (),
     unverified: bool = False, progress: bool | None = None, **overrides: Any,
 ) -> Answer:  # fmt: skip
     """Fits a missing effect to measurements and writes the configuration with it.
@@ -239,7 +251,7 @@ def extend(
     data : str, os.PathLike, polars.DataFrame or pandas.DataFrame
         Measurements of links, robots or packets: a file, or a data frame with the same columns.
     output : str or os.PathLike
-        File to which the extended configuration is written (TOML).
+        str | os.PathLike[str] to which the extended configuration is written (TOML).
     effect : str, optional
         Name of the effect to add, such as "wall-attenuation". Give either `effect` or `all`.
     all : bool
@@ -270,14 +282,16 @@ def extend(
     InvalidInput
         The configuration, the measurements or an argument is invalid. The text names all problems.
     """
-    options = [*_seed(seed), *_option("--effect", effect), *_flag("--all", all), *_flag("--replace", replace), "--output", os.fspath(output)]
+    seeded = _options(config, overrides, lambda: _seed(seed))
+    options = [*seeded, *_option("--effect", effect), *_flag("--all", all), *_flag("--replace", replace), "--output", os.fspath(output)]
     options += _reading(memory_budget, allow_file, unverified)
     return _about("extend", config, data, options, overrides, progress)
 
 
 @in_python_terms
 def simulate(
-    config: Config, like: Table, output: File, seed: int | None = None, *, memory_budget: str | None = None, allow_file: Files = (),
+    config: Config, like: Table, output: str | os.PathLike[str], seed: int | None = None, *, memory_budget: str | None = None,
+    allow_file: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] = (),
     unverified: bool = False, progress: bool | None = None, **overrides: Any,
 ) -> Answer:  # fmt: skip
     """Simulates a measurement campaign with the times, places and commands of another, and writes it as CSV.
@@ -289,7 +303,7 @@ def simulate(
     like : str, os.PathLike, polars.DataFrame or pandas.DataFrame
         Measurements with the times, places and commands to take: a file, or a data frame with the same columns.
     output : str or os.PathLike
-        File to which the simulated measurements are written (CSV).
+        str | os.PathLike[str] to which the simulated measurements are written (CSV).
     seed : int, optional
         Seed of all random draws, from 0 to 2^63 - 1. By default 1.
     memory_budget : str, optional
@@ -313,7 +327,7 @@ def simulate(
     InvalidInput
         The configuration, the measurements or an argument is invalid. The text names all problems.
     """
-    options = ["--output", output, *_seed(seed), *_reading(memory_budget, allow_file, unverified)]
+    options = ["--output", output, *_options(config, overrides, lambda: _seed(seed)), *_reading(memory_budget, allow_file, unverified)]
     with config_file(config) as path, table_file(like) as table:
         return _answer(["simulate", path, "--like", table, *options, *settings(overrides)], progress)
 
@@ -321,7 +335,9 @@ def simulate(
 @in_python_terms
 def power(
     config: Config, like: Table, effect: str, *, campaigns: int | None = None, seed: int | None = None,
-    memory_budget: str | None = None, allow_file: Files = (), unverified: bool = False, progress: bool | None = None, **overrides: Any,
+    memory_budget: str | None = None,
+    allow_file: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] = (),
+    unverified: bool = False, progress: bool | None = None, **overrides: Any,
 ) -> Answer:  # fmt: skip
     """Estimates how large an effect must be for a measurement campaign to detect it.
 
@@ -358,8 +374,10 @@ def power(
     InvalidInput
         The configuration, the measurements or an argument is invalid. The text names all problems.
     """
-    options = ["--effect", effect, *_number("--campaigns", campaigns, FEWEST_CAMPAIGNS, MOST_CAMPAIGNS), *_seed(seed)]
-    options += _reading(memory_budget, allow_file, unverified)
+    options = _options(
+        config, overrides, lambda: _number("--campaigns", campaigns, FEWEST_CAMPAIGNS, MOST_CAMPAIGNS), lambda: _seed(seed),
+    )  # fmt: skip
+    options += ["--effect", effect, *_reading(memory_budget, allow_file, unverified)]
     with config_file(config) as path, table_file(like) as table:
         return _answer(["power", path, "--like", table, *options, *settings(overrides)], progress)
 
@@ -391,7 +409,26 @@ def metrics(name: str | None = None) -> Answer:
     return _answer(["metrics", *(["--all"] if name is None else [name])], False)
 
 
-def _allowed(command: bool, files: Files, urls: str | Sequence[str]) -> list[str]:
+def _options(config: Config, overrides: dict[str, Any], *arguments: Callable[[], list[str]]) -> list[str]:
+    """The options of these arguments. If one is invalid, the error names all that are, and all problems of the configuration."""
+    options: list[str] = []
+    problems: list[str] = []
+    for argument in arguments:
+        try:
+            options += argument()
+        except InvalidInput as error:
+            problems.append(str(error))
+    if problems:
+        try:
+            with config_file(config) as path:
+                call(["check", path, *settings(overrides)], False, quiet=True)
+        except InvalidInput as error:
+            problems += [line for line in str(error).splitlines() if not _N_PROBLEMS.search(line)]
+        raise InvalidInput("\n".join(problems))
+    return options
+
+
+def _allowed(command: bool, files: str | os.PathLike[str] | Sequence[str | os.PathLike[str]], urls: str | Sequence[str]) -> list[str]:
     files = [files] if isinstance(files, str | os.PathLike) else files
     urls = [urls] if isinstance(urls, str) else urls
     options = _flag("--allow-command", command)
@@ -399,7 +436,7 @@ def _allowed(command: bool, files: Files, urls: str | Sequence[str]) -> list[str
     return options + [word for url in urls for word in ("--allow-url", url)]
 
 
-def _reading(memory_budget: str | None, allow_file: Files, unverified: bool) -> list[str]:
+def _reading(memory_budget: str | None, allow_file: str | os.PathLike[str] | Sequence[str | os.PathLike[str]], unverified: bool) -> list[str]:
     options = [*_option("--memory-budget", memory_budget), *_flag("--unverified", unverified)]
     return options + _allowed(False, allow_file, ())
 

@@ -6,6 +6,7 @@ import contextlib
 import fcntl
 import json
 import os
+import re
 import tempfile
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -13,12 +14,16 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import tomli_w
 
-from murmuration._program import MurmurationError
+from murmuration._program import InvalidInput, MurmurationError
 
 if TYPE_CHECKING:
     import pandas
     import polars
 
+# What the program quotes of a file: the line of a problem, after its number.
+_QUOTED_LINES = re.compile(r"\n +(?:\d+ )?\|(?: [^\n]*)?(?=\n|$)")
+
+# A configuration: a file (TOML), or a dictionary of the same form.
 Config = str | os.PathLike[str] | Mapping[str, Any]
 # A data frame of the library that is installed; of polars, if both are.
 DataFrame: TypeAlias = "polars.DataFrame | pandas.DataFrame"
@@ -43,7 +48,8 @@ def config_file(config: Config) -> Iterator[Path]:
         yield path
     except MurmurationError as error:
         # Lines of a file that nobody wrote: the dictionary is what they stand for.
-        raise type(error)(str(error).replace(name, "the configuration")) from None
+        text = re.sub(rf"{re.escape(name)}(:\d+(?=: ))?", "the configuration", str(error))
+        raise type(error)(_QUOTED_LINES.sub("", text)) from None
     finally:
         path.unlink(missing_ok=True)
 
@@ -85,13 +91,25 @@ def table_file(table: Table) -> Iterator[Path]:
             table.to_csv(path, index=False)
         else:
             raise TypeError(f"data must be a path or a data frame of polars or pandas, got {type(table).__name__}")
-        yield path
+        try:
+            yield path
+        except MurmurationError as error:
+            raise type(error)(_of_data_frame(str(error), path)) from None
+
+
+def _of_data_frame(text: str, path: Path) -> str:
+    """A text about the file of a data frame as one about the data frame. The first row is on the second line."""
+    text = re.sub(rf"murmuration import {re.escape(str(path))}( --\S+ \S+)*", "murmuration.importers.convert", text)
+    text = text.replace(str(path), "the data frame")
+    return re.sub(r"\bon line (\d+)", lambda found: f"in row {int(found[1]) - 2}", text)
 
 
 def settings(overrides: Mapping[str, Any]) -> list[str]:
     """Options that override keys. Two underscores in a name stand for the dot between tables."""
     options = []
     for name, value in overrides.items():
+        if value is None:
+            raise InvalidInput(f"{name} must not be None; leave it out for the value of the configuration")
         options += ["--set", f"{name.replace('__', '.')}={_toml_value(value)}"]
     return options
 

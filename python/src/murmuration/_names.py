@@ -21,6 +21,16 @@ def path_of(name: str) -> str:
     return _paths().get(name, name)
 
 
+def short_names(paths: Collection[str]) -> list[str]:
+    """The short names of these paths that have one."""
+    return [name for name, path in _paths().items() if path in paths and name != path]
+
+
+def is_name(name: str) -> bool:
+    """Whether a metric has this short name or this path."""
+    return name in _paths() or name in _paths().values()
+
+
 def one_of(names: Collection[str], name: str) -> str | None:
     """The one of `names` that is this metric, under the same name or the other one; None if none is."""
     if name in names:

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import IO
 
 from murmuration import _progress
-from murmuration._wording import with_keywords
+from murmuration._wording import failure, with_keywords
 
 
 class MurmurationError(RuntimeError):
@@ -82,7 +82,7 @@ def call(arguments: Sequence[str | os.PathLike[str]], progress: bool | None = No
             display.close()
     if child.returncode != 0:
         kind = InvalidInput if child.returncode == 2 else MurmurationError
-        raise kind(with_keywords(said) or printed.strip() or f"{' '.join(command)} ended with exit status {child.returncode}")
+        raise kind(failure(said) or printed.strip() or f"{' '.join(command)} ended with exit status {child.returncode}")
     if said.strip() and not quiet:
         print(with_keywords(said), file=sys.stderr)
     return printed

@@ -10,7 +10,6 @@ import sys
 import threading
 import time
 import tomllib
-import traceback
 from collections.abc import Callable, Iterator
 from concurrent import futures
 from typing import Any
@@ -18,6 +17,7 @@ from typing import Any
 import grpc
 import numpy as np
 
+from murmuration import _faults
 from murmuration._contract import common_pb2
 
 # The longest text of an error: details travel in HTTP/2 headers, which many clients limit to 16 KiB.
@@ -195,7 +195,7 @@ class Service:
         latest = [b"", b""] if self._reply is None else [self._asked.SerializeToString(), self._reply.SerializeToString()]
         state = self.simulator.snapshot()
         if not isinstance(state, bytes):
-            raise TypeError(f"snapshot must return bytes, got {type(state).__name__}")
+            raise _faults.WrongResult(self.simulator.snapshot, f"bytes, got {type(state).__name__}")
         parts = [self._configured.SerializeToString(), self._start_digest, *latest, state, *self.kept()]
         return self.SNAPSHOT_RESPONSE(state=sealed(self._version(), parts))
 
@@ -258,15 +258,17 @@ def sections(request: Any) -> tuple[dict[str, Any], dict[str, Any]]:
 
 
 def answered(context: grpc.ServicerContext, work: Any, request: Any) -> Any:
-    """Calls `work`; what goes wrong becomes a status with a text, and a fault of user code shows its traceback."""
+    """Calls `work`; what goes wrong becomes a status with a text, and a fault of user code shows its lines."""
     try:
         return work(request)
     except Refused as refused:
         context.abort(refused.status, str(refused)[:LONGEST_ERROR])
-    except (Exception, SystemExit):
-        text = traceback.format_exc()
-        print(text, file=sys.stderr, flush=True)
-        context.abort(grpc.StatusCode.INTERNAL, text[-LONGEST_ERROR:])
+    except (Exception, SystemExit) as error:
+        text = _faults.shown(error)
+        # The orchestrator shows the text of the status to whoever let it start this process.
+        if EXIT_WITH_STDIN not in os.environ:
+            print(text, file=sys.stderr, flush=True)
+        context.abort(grpc.StatusCode.INTERNAL, text[:LONGEST_ERROR])
 
 
 class Columns:

@@ -12,6 +12,11 @@ _FLAGS = "all|allow-command|replace|restart|unverified"
 _WITH_VALUE = "allow-file|allow-url|memory-budget|netsim|out|robotsim|seed|threads"
 # What the program adds for those who type its commands.
 _OF_SHELL = re.compile(r"(?:\n+Usage: [^\n]*)?\n+For more information, try '--help'\.$")
+# How the program reports a trial that failed while others still ran, and all of them at the end.
+_FAILED_TRIAL = re.compile(r"warning: trial \S+ failed twice: ")
+_FAILED_TRIALS = re.compile(r"warning: \d+ of \d+ trials failed and have no figures")
+# A command without arguments is a function; one with arguments is for a shell.
+_COMMAND = re.compile(r"`?\bmurmuration (run|sweep|compare|diagnose|extend|simulate|power|metrics)\b(?! [-\w./]*[/.-]\w)`?")
 _METRICS = "`murmuration metrics` lists the short names, `murmuration metrics --all` all paths"
 
 
@@ -19,6 +24,21 @@ def with_keywords(text: str) -> str:
     """A text whose options are keyword arguments, without hints for a shell."""
     text = _OF_SHELL.sub("", text.strip()).removeprefix("error: ").replace(_METRICS, "murmuration.metrics() lists all names")
     return "\n".join(_line(line) for line in text.splitlines())
+
+
+def failure(said: str) -> str:
+    """Why the program failed, from all that it wrote to standard error: the error first, and then what it warned of before."""
+    lines = said.splitlines()
+    at = next((place for place, line in enumerate(lines) if line.startswith("error: ")), 0)
+    before = lines[:at]
+    if any(_FAILED_TRIALS.match(line) for line in before):
+        # Those are in the account of all trials that failed.
+        before = [line for line in before if not _FAILED_TRIAL.match(line)]
+    # The last lines of a simulator that crashed are quoted in the error.
+    quoted = {line.strip() for line in lines[at:]}
+    before = [line for line in before if line.strip() not in quoted]
+    parts = [with_keywords("\n".join(lines[at:])), with_keywords("\n".join(before))]
+    return "\n".join(part for part in parts if part)
 
 
 def keyword_of(key: str) -> str:
@@ -30,6 +50,8 @@ def _line(line: str) -> str:
     line = re.sub(r"^invalid value '(.*)' for '--([a-z-]+) <[^>]*>': (.*)$", _refused_value, line)
     line = re.sub(r"'--([a-z-]+)(?: <[^>]*>)?'", lambda found: _argument(found[1]), line)
     line = re.sub(rf"--({_FLAGS})\b", lambda found: f"{_argument(found[1])}=True", line)
+    line = line.replace("with --losses, or in a column", "in a column")
+    line = _COMMAND.sub(r"murmuration.\1", line)
     line = re.sub(r"--set '?([\w.]+)=([^\s']+)'?", lambda found: f"{keyword_of(found[1])}={found[2]}", line)
     line = re.sub(r"--set\b", "a keyword argument", line)
     line = re.sub(rf"--({_WITH_VALUE}) '([^']+)'", lambda found: f"{_argument(found[1])}='{found[2]}'", line)

@@ -18,7 +18,7 @@ from typing import Any
 import grpc
 import numpy as np
 
-from murmuration import _digest, _serving
+from murmuration import _digest, _faults, _serving
 from murmuration._contract import common_pb2, netsim_pb2, netsim_pb2_grpc
 
 __all__ = ["Network", "serve"]
@@ -140,9 +140,10 @@ class _Service(_serving.Service, netsim_pb2_grpc.NetSimServiceServicer):
         if len(lengths) not in (0, self.n) or lengths.sum() != len(data):
             raise _serving.invalid(f"payloads: must be one for each of {self.n} agents, and as long as their lengths say")
         says = alive & (lengths > 0) if len(lengths) else np.zeros(self.n, dtype=bool)
-        heard = np.array(self.simulator.step(dt_s, position_m, says.copy()), dtype=bool)
+        step = self.simulator.step
+        heard = np.array(step(dt_s, position_m, says.copy()), dtype=bool)
         if heard.shape != (self.n, self.n):
-            raise ValueError(f"step must return a matrix of shape ({self.n}, {self.n}), got {heard.shape}")
+            raise _faults.WrongResult(step, f"a matrix of shape ({self.n}, {self.n}), got {heard.shape}")
         np.fill_diagonal(heard, False)
         heard = heard[:, says] & alive[:, None]
         deliveries = self._deliveries(request, heard, says, lengths)

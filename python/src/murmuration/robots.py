@@ -23,7 +23,7 @@ from typing import Any
 import grpc
 import numpy as np
 
-from murmuration import _digest, _serving
+from murmuration import _digest, _faults, _serving
 from murmuration._contract import common_pb2, robotsim_pb2, robotsim_pb2_grpc
 
 __all__ = ["Heard", "Motes", "Robots", "Unsupported", "Window", "serve"]
@@ -115,7 +115,14 @@ class Heard:
         -------
         numpy.ndarray
             Positions (m), with the shape of `otherwise_m`.
+
+        Raises
+        ------
+        ValueError
+            The robots say payloads of their own, which the package cannot read.
         """
+        if self.payload:
+            raise ValueError("mean_position_m needs positions, but these robots override payloads: decode heard.payload instead")
         otherwise_m = np.asarray(otherwise_m, dtype=float)
         total, counts = np.zeros_like(otherwise_m), self.count()
         np.add.at(total, self.receiver, self.position_m[:, : otherwise_m.shape[1]])
@@ -438,7 +445,7 @@ class _Service(_serving.Service, robotsim_pb2_grpc.RobotSimServiceServicer):
     def start(self, request: Any) -> Any:
         robots = self.simulator
         robots.task_complete, robots.heading_rad, robots.motes = False, None, None
-        self.positions_m = self._checked(robots.reset(request.seed, self.n), "reset")
+        self.positions_m = _faults.positions(robots.reset, robots.reset(request.seed, self.n), self.n)
         self.velocities_mps = np.zeros((self.n, 3))
         self._says_state = True
         columns = [common_pb2.DELIVERY_COLUMN_RSSI_DBM]
@@ -453,10 +460,11 @@ class _Service(_serving.Service, robotsim_pb2_grpc.RobotSimServiceServicer):
             heard = decoded(self.n, columns, request.deliveries.rssi_dbm, self.time_ns, says_state=self._says_state)
             robots.motes = mote_states(request.motes, self.n) if request.HasField("motes") else None
             before_m = self.positions_m
-            self.positions_m = self._checked(robots.step(dt_s, heard), "step")
+            self.positions_m = _faults.positions(robots.step, robots.step(dt_s, heard), self.n)
             self.velocities_mps = (self.positions_m - before_m) / dt_s
         states = self._states()
-        figures = [common_pb2.TaskFigure(name=name, value=float(value)) for name, value in robots.figures().items()]
+        numbers = _faults.figures(robots.figures, robots.figures())
+        figures = [common_pb2.TaskFigure(name=name, value=value) for name, value in numbers.items()]
         reply = robotsim_pb2.RobotSimServiceStepResponse(
             states=states, payloads=self._payloads(), held=request.hold,
             task_complete=bool(robots.task_complete) and not request.hold, figures=figures,
@@ -486,34 +494,26 @@ class _Service(_serving.Service, robotsim_pb2_grpc.RobotSimServiceServicer):
         return robotsim_pb2.RobotSimServicePredictResponse(windows=predicted)
 
     def _predicted(self, window: Window, message: Any) -> Any:
-        position_m, heading_rad = self.simulator.predict(window)
+        predict = self.simulator.predict
+        returned = predict(window)
+        if not isinstance(returned, tuple) or len(returned) != 2:
+            raise _faults.WrongResult(predict, f"two arrays, positions and headings (or None), got {type(returned).__name__}")
+        position_m, heading_rad = returned
         n = len(window.command)
         position_m = np.array(position_m, dtype=float)
         if position_m.ndim != 2 or position_m.shape[0] != n or position_m.shape[1] not in (2, 3):
-            raise ValueError(f"predict must return positions of shape ({n}, 2) or ({n}, 3), got {position_m.shape}")
+            raise _faults.WrongResult(predict, f"positions of shape ({n}, 2) or ({n}, 3), got {position_m.shape}")
         if position_m.shape[1] == 2:
             position_m = np.column_stack([position_m, np.full(n, window.position_m[2])])
         if heading_rad is None and window.commands != "velocity":
-            raise ValueError(f"predict must return headings for commands of {window.commands}, got None")
+            raise _faults.WrongResult(predict, f"headings for commands of {window.commands}, got None")
         headings = np.zeros(0) if heading_rad is None else np.array(heading_rad, dtype=float)
         if heading_rad is not None and headings.shape != (n,):
-            raise ValueError(f"predict must return {n} headings, got shape {headings.shape}")
+            raise _faults.WrongResult(predict, f"{n} headings, got shape {headings.shape}")
         if not (np.all(np.isfinite(position_m)) and np.all(np.isfinite(headings))):
-            raise ValueError(f"predict must return finite numbers, for robot {window.robot} from {window.start_s} s on it did not")
+            raise _faults.WrongResult(predict, f"finite numbers, for robot {window.robot} from {window.start_s} s on it did not")
         x_m, y_m, z_m = position_m.T.tolist()
         return robotsim_pb2.PredictedWindow(agent=message.agent, x_m=x_m, y_m=y_m, z_m=z_m, heading_rad=headings.tolist())
-
-    def _checked(self, positions: Any, call: str) -> np.ndarray:
-        """Positions of all robots with three columns, a copy of what user code holds."""
-        positions_m = np.array(positions, dtype=float)
-        if positions_m.ndim != 2 or positions_m.shape[0] != self.n or positions_m.shape[1] not in (2, 3):
-            raise ValueError(f"{call} must return positions of shape ({self.n}, 2) or ({self.n}, 3), got {positions_m.shape}")
-        if not np.all(np.isfinite(positions_m)):
-            robot = int(np.flatnonzero(~np.isfinite(positions_m).all(axis=1))[0])
-            raise ValueError(f"{call} must return finite positions, got {positions_m[robot]} for robot {robot}")
-        if positions_m.shape[1] == 2:
-            positions_m = np.column_stack([positions_m, np.zeros(self.n)])
-        return positions_m
 
     def _states(self) -> Any:
         headings = self.simulator.heading_rad
@@ -526,8 +526,7 @@ class _Service(_serving.Service, robotsim_pb2_grpc.RobotSimServiceServicer):
         self._says_state = said is None
         if said is None:
             return said_states(self.positions_m, self.velocities_mps)
-        if len(said) != self.n:
-            raise ValueError(f"payloads must return one for each of {self.n} robots, got {len(said)}")
+        said = _faults.payloads(self.simulator.payloads, said, self.n)
         return common_pb2.Payloads(length_bytes=[len(one) for one in said], data=b"".join(said))
 
 

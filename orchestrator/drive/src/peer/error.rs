@@ -119,7 +119,7 @@ pub enum SideError {
         problems: Vec<Problem>,
     },
     /// It refused a request, or failed in it.
-    #[error("{side}: {} {doing}: {} ({:?})", refused_or_failed(status), status.message().trim_end(), status.code())]
+    #[error("{side}: {} {doing}: {}{}", refused_or_failed(status), status.message().trim_end(), unusual_code(status))]
     Refused {
         /// Which side.
         side: &'static str,
@@ -193,4 +193,12 @@ pub enum SideError {
 /// A fault of its own is no refusal.
 fn refused_or_failed(status: &Status) -> &'static str {
     if status.code() == Code::Internal { "failed in" } else { "refused" }
+}
+
+/// The status code, unless "failed" or "refused" says the same.
+fn unusual_code(status: &Status) -> String {
+    match status.code() {
+        Code::Internal | Code::InvalidArgument => String::new(),
+        code => format!(" ({code:?})"),
+    }
 }

@@ -20,9 +20,9 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
-from murmuration._answers import read_table, table_of
 from murmuration._files import Config, DataFrame, config_file, private_folder, table_file
 from murmuration._program import InvalidInput, call
+from murmuration._tables import read_table, table_of
 from murmuration._terms import in_python_terms
 from murmuration.importers import _bag_tracks, _bags, _ulog
 from murmuration.importers._bag_tracks import BagOptions, Robots

@@ -18,8 +18,8 @@ from typing import IO, Any
 import numpy as np
 
 from murmuration import importers
-from murmuration._answers import table_of
 from murmuration._program import InvalidInput
+from murmuration._tables import table_of
 from murmuration.importers import _ulog
 from murmuration.importers._tracks import Imported, listed, natural
 
