@@ -196,9 +196,12 @@ fn every_kind_is_written_in_every_format_and_twice_the_same() {
     let results =
         kinds.map(|kind| ("runs/run", kind)).into_iter().chain([("runs/sweep", "flock_speed")]);
     for (result, kind) in results {
+        // One kind is of both results.
+        let name_of = |name: &str, ending: &str| {
+            to.path().join(format!("{}-{kind}-{name}.{ending}", result.replace('/', "-")))
+        };
         for ending in ["pdf", "svg", "png", "csv"] {
-            let [first, second] =
-                ["a", "b"].map(|name| to.path().join(format!("{kind}-{name}.{ending}")));
+            let [first, second] = ["a", "b"].map(|name| name_of(name, ending));
             for file in [&first, &second] {
                 let args =
                     ["figure", result, kind, "--output", file.to_str().unwrap(), "--width", "page"];
