@@ -165,7 +165,7 @@ fn is_without_summary(folder: &Path) -> bool {
     let has = |name: &&str| is_file(&folder.join(name));
     has(&"config.toml")
         && !is_sweep(folder)
-        && ["run.log", "steps.parquet", "run.mcap"].iter().any(|name| has(name))
+        && ["run.log", "steps.parquet", "run.mcap"].iter().any(has)
 }
 
 fn is_sweep(folder: &Path) -> bool {

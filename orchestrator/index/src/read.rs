@@ -50,7 +50,7 @@ const ANSWERS: [&str; 8] = [
 pub(crate) struct Read {
     pub(crate) row: Row,
     /// The effective configuration of a run.
-    pub(crate) settings: Vec<(String, toml::Value)>,
+    pub(crate) settings: Settings,
 }
 
 /// Reads what the folder of a run or a sweep holds. What is wrong with it is in its row.
@@ -72,6 +72,9 @@ pub(crate) fn finished(found: &Found, reading: Reading) -> Read {
     }
     Read { row, settings }
 }
+
+/// The keys of a configuration, and their values.
+type Settings = Vec<(String, toml::Value)>;
 
 /// What is wrong: the status, and why.
 pub(crate) type Wrong = (&'static str, String);
@@ -135,7 +138,7 @@ fn filled(
     row: &mut Row,
     path: &Path,
     reading: Reading,
-) -> Result<(Vec<(String, toml::Value)>, Option<Wrong>), Wrong> {
+) -> Result<(Settings, Option<Wrong>), Wrong> {
     let unbelieved = |error: ResultError| unbelieved(&error);
     let damaged = |error: serde_json::Error| ("damaged", format!("summary.json: {error}"));
     let folder = ResultFolder::open(path, reading).map_err(unbelieved)?;
@@ -218,7 +221,7 @@ fn cut_journal(path: &Path, n_trials: usize) -> Option<Wrong> {
 }
 
 /// The values of a configuration that can change figures, but for the seed.
-pub(crate) fn settings_of(config: &str) -> Vec<(String, toml::Value)> {
+pub(crate) fn settings_of(config: &str) -> Settings {
     let Ok(config) = config.parse::<toml::Table>() else { return Vec::new() };
     let is_without_effect = |key: &str| {
         key == "experiment.seed"
