@@ -68,10 +68,12 @@ def test_names_beside_robots_do_not_cover_each_other(run):
     from murmuration._paper import Names
 
     axes = run.plot(width="column")
-    (names,) = [child for child in axes.get_children() if isinstance(child, Names)]
-    assert len(names.points) == 5
+    both = [child for child in axes.get_children() if isinstance(child, Names)]
+    # Of the others and of the leader.
+    assert [len(names.points) for names in both] == [4, 1]
     drawn = []
-    names.text.draw = lambda renderer: drawn.append(names.text.get_window_extent(renderer))
+    for names in both:
+        names.text.draw = lambda renderer, text=names.text: drawn.append(text.get_window_extent(renderer))
     axes.figure.draw_without_rendering()
     axes.figure.canvas.draw()
     once = drawn[-len(drawn) // 2 :]

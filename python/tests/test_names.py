@@ -63,12 +63,12 @@ def test_the_version_is_that_of_the_program():
     assert said.split() == ["murmuration", murmuration.__version__]
 
 
-def test_all_but_tables_and_plots_comes_with_the_package():
-    """Extras of earlier versions remain, so that commands with their names work."""
+def test_all_but_tables_plots_and_rerun_comes_with_the_package():
+    """Extras of earlier versions remain, so that commands with their names work. rerun-sdk has 90 MB."""
     metadata = importlib.metadata.metadata("murmuration-sim")
     assert set(metadata.get_all("Provides-Extra")) == {"polars", "pandas", "plot", "rerun", "rosbags", "ulog", "env"}
     optional = {re.match(r"[\w-]+", line)[0] for line in metadata.get_all("Requires-Dist") if "extra ==" in line}
-    assert optional == {"polars", "pandas", "pyarrow", "matplotlib"}
+    assert optional == {"polars", "pandas", "pyarrow", "matplotlib", "rerun-sdk", "mcap"}
 
 
 def test_ipython_completes_the_public_names_alone():

@@ -47,7 +47,7 @@ def test_tables_are_of_pandas_where_there_is_no_polars(run, monkeypatch):
     assert np.array_equal(again.steps["x_m"].to_numpy(), run.steps["x_m"].to_numpy())
     with pytest.raises(ImportError, match="lazy tables need polars"):
         again.scan("steps")
-    assert len(again.plot().lines) == 3
+    assert len(again.plot().lines) == 5
     monkeypatch.setitem(sys.modules, "pandas", None)
     with pytest.raises(ImportError, match="tables need polars or pandas: pip install polars"):
         murmuration.Run(run.folder).steps
@@ -68,12 +68,14 @@ def test_lazy_tables_give_what_whole_ones_give(run, sweep):
 def test_the_ways_of_robots_are_drawn(run):
     axes = run.plot()
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("east (m)", "north (m)")
-    way, start, end = axes.lines
-    drawn = way.get_xydata()
+    way, start, end, way_of_leader, end_of_leader = axes.lines
     own = [run.steps.filter(run.steps["agent"] == agent).select("x_m", "y_m").to_numpy() for agent in range(5)]
-    # A gap stands behind each way.
-    assert np.array_equal(drawn[~np.isnan(drawn[:, 1])], np.concatenate(own))
-    assert np.array_equal(end.get_xydata(), [way[-1] for way in own]) and np.array_equal(start.get_xydata(), [way[0] for way in own])
+    # A gap stands behind each way. Robot 0 leads.
+    for line, ways in [(way, own[1:]), (way_of_leader, own[:1])]:
+        drawn = line.get_xydata()
+        assert np.array_equal(drawn[~np.isnan(drawn[:, 1])], np.concatenate(ways))
+    assert np.array_equal(start.get_xydata(), [way[0] for way in own])
+    assert np.array_equal(np.concatenate([end_of_leader.get_xydata(), end.get_xydata()]), [way[-1] for way in own])
     from matplotlib import pyplot
 
     own_axes = pyplot.figure().add_subplot()

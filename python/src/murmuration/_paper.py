@@ -22,6 +22,9 @@ _LINE, _HEAD, _ASIDE = 0.7, (4.0, 1.5), 1.3
 class PaperFigure(Figure):
     """A figure whose PDF and PostScript files embed fonts as TrueType, whatever the user's settings for other figures are."""
 
+    def __repr__(self) -> str:
+        return super().__repr__().replace(type(self).__name__, "Figure", 1)
+
     def savefig(self, *args: Any, **kwargs: Any) -> None:
         """Saves the figure as matplotlib does."""
         with matplotlib.rc_context(FONTS):

@@ -294,7 +294,7 @@ class NetSimServiceConfigureRequest(_message.Message):
     def __init__(self, seed: _Optional[int] = ..., agent_count: _Optional[int] = ..., step_ns: _Optional[int] = ..., coupling: _Optional[_Union[_common_pb2.Coupling, str]] = ..., site_toml: _Optional[str] = ..., config_toml: _Optional[str] = ..., columns: _Optional[_Iterable[_Union[_common_pb2.DeliveryColumn, str]]] = ..., files: _Optional[_Iterable[_Union[_common_pb2.File, _Mapping]]] = ..., records: _Optional[_Iterable[_Union[NetRecord, str]]] = ..., full_digest: bool = ...) -> None: ...
 
 class NetSimServiceConfigureResponse(_message.Message):
-    __slots__ = ("effective_config_toml", "motes", "warnings", "formation", "records", "statistics", "capture_header")
+    __slots__ = ("effective_config_toml", "motes", "warnings", "formation", "records", "statistics", "capture_header", "max_payload_bytes")
     EFFECTIVE_CONFIG_TOML_FIELD_NUMBER: _ClassVar[int]
     MOTES_FIELD_NUMBER: _ClassVar[int]
     WARNINGS_FIELD_NUMBER: _ClassVar[int]
@@ -302,6 +302,7 @@ class NetSimServiceConfigureResponse(_message.Message):
     RECORDS_FIELD_NUMBER: _ClassVar[int]
     STATISTICS_FIELD_NUMBER: _ClassVar[int]
     CAPTURE_HEADER_FIELD_NUMBER: _ClassVar[int]
+    MAX_PAYLOAD_BYTES_FIELD_NUMBER: _ClassVar[int]
     effective_config_toml: str
     motes: _common_pb2.MoteStates
     warnings: _containers.RepeatedScalarFieldContainer[str]
@@ -309,7 +310,8 @@ class NetSimServiceConfigureResponse(_message.Message):
     records: _containers.RepeatedScalarFieldContainer[NetRecord]
     statistics: MoteStatistics
     capture_header: bytes
-    def __init__(self, effective_config_toml: _Optional[str] = ..., motes: _Optional[_Union[_common_pb2.MoteStates, _Mapping]] = ..., warnings: _Optional[_Iterable[str]] = ..., formation: _Optional[_Union[Formation, _Mapping]] = ..., records: _Optional[_Iterable[_Union[NetRecord, str]]] = ..., statistics: _Optional[_Union[MoteStatistics, _Mapping]] = ..., capture_header: _Optional[bytes] = ...) -> None: ...
+    max_payload_bytes: int
+    def __init__(self, effective_config_toml: _Optional[str] = ..., motes: _Optional[_Union[_common_pb2.MoteStates, _Mapping]] = ..., warnings: _Optional[_Iterable[str]] = ..., formation: _Optional[_Union[Formation, _Mapping]] = ..., records: _Optional[_Iterable[_Union[NetRecord, str]]] = ..., statistics: _Optional[_Union[MoteStatistics, _Mapping]] = ..., capture_header: _Optional[bytes] = ..., max_payload_bytes: _Optional[int] = ...) -> None: ...
 
 class NetSimServiceStepRequest(_message.Message):
     __slots__ = ("step", "until_ns", "states", "payloads", "moved_obstacles", "commands", "stop_at_first_delivery", "confirmed_digest", "records")
